@@ -19,9 +19,8 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.manifest.model import Perception
 from octoform.perception import camera_selection
 from octoform.perception.camera_selection import best
-from octoform.perception.capture import Taken, take
+from octoform.perception.capture import FROZEN_PICTURES, Taken, take
 from octoform.perception.frames import Camera, Record, keep
-from octoform.perception.image_quality import FROZEN_PICTURES
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import foreign, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout

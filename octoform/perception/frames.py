@@ -21,11 +21,11 @@ from octoform.base.locks import held_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.jsonrpc import ending_of
 from octoform.endpoint.published_files import not_ours
-from octoform.perception.capture import Taken
-from octoform.perception.image_quality import (
+from octoform.perception.capture import (
     CHANGED,
     Complaint,
     Picture,
+    Taken,
     complaint,
     difference,
     frozen,

@@ -21,9 +21,8 @@ from octoform.daemon.store import instance_lock
 from octoform.endpoint.process.record import running
 from octoform.engine.unattended.heal import heal, roll_back, settle
 from octoform.engine.unattended.session import diagnose
-from octoform.perception.capture import Taken
+from octoform.perception.capture import THUMB_BYTES, Picture, Taken
 from octoform.perception.frames import keep
-from octoform.perception.image_quality import THUMB_BYTES, Picture
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.lock import acquire
 

@@ -17,8 +17,7 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import OCTOFORM, Project
 
-from octoform.perception.capture import Taken, take
-from octoform.perception.image_quality import Picture, difference
+from octoform.perception.capture import Picture, Taken, difference, take
 from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
 

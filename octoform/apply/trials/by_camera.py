@@ -11,7 +11,7 @@ from typing import Any
 from octoform.apply.trials.by_reading import Bench, Mover, Trial, Tried
 from octoform.apply.trials.tool_client import Seen
 from octoform.base.files import replace
-from octoform.perception.image_quality import (
+from octoform.perception.capture import (
     FROZEN_PICTURES,
     FROZEN_SECONDS,
     Picture,

@@ -11,8 +11,7 @@ from typing import Any, Protocol
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import Nobody, Wanted, call
-from octoform.perception.capture import take
-from octoform.perception.image_quality import Picture
+from octoform.perception.capture import Picture, take
 from octoform.state.layout import Layout
 
 CALL_SECONDS = 60.0

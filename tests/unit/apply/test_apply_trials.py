@@ -14,7 +14,7 @@ from octoform.apply.trials.by_camera import by_frame, by_view
 from octoform.apply.trials.by_reading import Bench, Tried, by_reading
 from octoform.apply.trials.tool_client import Seen, ToolAnswer, Value, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
-from octoform.perception.image_quality import Picture
+from octoform.perception.capture import Picture
 from octoform.protocol.model import Proof
 from octoform.simulation import servo
 from octoform.simulation.rail_firmware import LineDevice

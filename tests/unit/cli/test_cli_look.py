@@ -12,7 +12,7 @@ from launched import Launched, launched, tool
 from octoform.cli.dispatch import dispatch
 from octoform.endpoint.environment.model import MARKER
 from octoform.engine import look
-from octoform.perception import image_quality
+from octoform.perception import capture
 from octoform.state.layout import Layout
 
 CAMERA, OTHER = "usb-1f00-00c1", "usb-1f00-00c2"
@@ -133,7 +133,7 @@ def test_a_picture_that_shows_nothing_leaves_with_2(
     bench: Launched, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(look, "REPEAT_SECONDS", 0.0)
-    monkeypatch.setattr(image_quality, "FROZEN_SECONDS", 0.0)
+    monkeypatch.setattr(capture, "FROZEN_SECONDS", 0.0)
     dark = Said(bench, capsys, "dark")
     assert dark.status == 2 and dark.out[0].endswith("shows nothing: black")
     assert Said(bench, capsys, "bright").status == 0

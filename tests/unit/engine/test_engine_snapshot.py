@@ -13,9 +13,8 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.scripts.picture import digest, grain_of, shrunk
 from octoform.engine.look import Eye, Look, heartbeat, look, save
 from octoform.manifest.model import Perception
-from octoform.perception.capture import Taken
+from octoform.perception.capture import Picture, Taken
 from octoform.perception.frames import Camera
-from octoform.perception.image_quality import Picture
 from octoform.simulation.scene import Scene, Sensor
 from octoform.state.layout import Layout
 

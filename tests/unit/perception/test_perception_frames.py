@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import error
-from octoform.perception.capture import Taken
+from octoform.perception.capture import Picture, Taken
 from octoform.perception.frames import MOST_BYTES, Record, keep, picture_of, read, with_absence, with_picture, words
-from octoform.perception.image_quality import Picture
 from octoform.state.layout import Layout
 
 VIEW = {"device": "usb-1f00-00c1", "tool": "capture_image", "arguments": {"device": "usb-1f00-00c1"}}

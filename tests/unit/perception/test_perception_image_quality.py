@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 import pytest
 
-from octoform.perception.image_quality import (
+from octoform.perception.capture import (
     CHANGED,
     FROZEN_PICTURES,
     FROZEN_SECONDS,
