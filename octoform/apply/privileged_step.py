@@ -11,7 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform import events
+from octoform.apply.camera_trial import by_frame, by_view
 from octoform.apply.context import Context
+from octoform.apply.reading_trial import Bench, Tried, by_reading
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.scope import beyond, others, own_tools
 from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, fresh, read_value, shown
@@ -19,9 +21,7 @@ from octoform.apply.stage.artifact_writer import counted, text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
-from octoform.apply.trials.by_camera import by_frame, by_view
-from octoform.apply.trials.by_reading import Bench, Tried, by_reading
-from octoform.apply.trials.tool_client import Hand, LiveHand
+from octoform.apply.trial_tools import Hand, LiveHand
 from octoform.base.files import read_plain
 from octoform.base.pointer import pointer
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse

@@ -7,12 +7,12 @@ from typing import Any, cast
 
 import pytest
 
+from octoform.apply import trial_tools as hands
 from octoform.apply.context import Clock, Context
 from octoform.apply.privileged_step import run_step
 from octoform.apply.stage.acceptance import Finished, Verdict
 from octoform.apply.stage.assignment import Assignment
-from octoform.apply.trials import tool_client as hands
-from octoform.apply.trials.tool_client import LiveHand
+from octoform.apply.trial_tools import LiveHand
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted

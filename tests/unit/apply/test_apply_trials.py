@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
+from octoform.apply.camera_trial import by_frame, by_view
 from octoform.apply.context import Clock
-from octoform.apply.trials.by_camera import by_frame, by_view
-from octoform.apply.trials.by_reading import Bench, Tried, by_reading
-from octoform.apply.trials.tool_client import Seen, ToolAnswer, Value, fitting
+from octoform.apply.reading_trial import Bench, Tried, by_reading
+from octoform.apply.trial_tools import Seen, ToolAnswer, Value, fitting
 from octoform.endpoint.scripts.picture import digest, grain_of
 from octoform.perception.capture import Picture
 from octoform.protocol.model import Proof

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock
-from octoform.apply.trials.tool_client import Hand, Restoring, ToolAnswer
+from octoform.apply.trial_tools import Hand, Restoring, ToolAnswer
 from octoform.base.escaping import escaped
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic, error, warning

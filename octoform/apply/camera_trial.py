@@ -8,8 +8,8 @@ from collections.abc import Mapping
 from itertools import combinations, product
 from typing import Any
 
-from octoform.apply.trials.by_reading import Bench, Mover, Trial, Tried
-from octoform.apply.trials.tool_client import Seen
+from octoform.apply.reading_trial import Bench, Mover, Trial, Tried
+from octoform.apply.trial_tools import Seen
 from octoform.base.files import replace
 from octoform.perception.capture import (
     FROZEN_PICTURES,

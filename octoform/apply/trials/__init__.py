@@ -1,1 +1,0 @@
-"""A privileged step tried on the hardware: by reading back, and by camera."""
