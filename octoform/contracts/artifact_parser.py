@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.contracts.shown_text import flattened, shown
+from octoform.base.escaping import flattened, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_JSON_BYTES = 8 * 1024 * 1024

@@ -8,10 +8,10 @@ what changes the values that a caller may send counts as a difference. Light.
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import resolve
 from octoform.contracts.artifact_parser import MAX_DEPTH, deeper_than
 from octoform.contracts.model import JsonObject
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 _SILENT = frozenset(

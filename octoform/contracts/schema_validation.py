@@ -12,8 +12,8 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 from referencing import Registry
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 MAX_DIAGNOSTICS = 20

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Any
 
-from octoform.contracts.shown_text import flattened
+from octoform.base.escaping import flattened
 from octoform.diagnostics import Diagnostic, Span, error
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef

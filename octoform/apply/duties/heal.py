@@ -25,13 +25,13 @@ from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.base import digest
+from octoform.base.escaping import shown as shown_text
 from octoform.base.files import parse as parse_json
 from octoform.base.files import read_plain, record
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.contracts.report_context import told_devices, told_tools
-from octoform.contracts.shown_text import shown as shown_text
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
 from octoform.endpoint.client.check import check as check_endpoint

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
 from octoform.apply.rewrite.scope import Parts, Unit, beyond, divided, own_tools
+from octoform.base.escaping import listed, shown
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.heal_rules import bereft
 from octoform.contracts.rules.serve.device_rules import opens_anything
 from octoform.contracts.rules.serve.tool_rules import tool_sites
 from octoform.contracts.server_source import Function, Source, imported_modules
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 # What protects the hardware in the functions of a tool, and what of it a rewrite has lost.

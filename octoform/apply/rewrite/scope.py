@@ -11,12 +11,12 @@ from collections.abc import Iterable, Iterator, Set
 from dataclasses import dataclass, replace
 from difflib import SequenceMatcher
 
+from octoform.base.escaping import listed, shown
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.code_rules import is_standard
 from octoform.contracts.rules.serve.tool_rules import tool_sites
 from octoform.contracts.script_header import declared_names
 from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 # What in the code of one device's tools can change what belongs to the others, without naming it as its own.

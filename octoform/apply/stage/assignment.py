@@ -16,11 +16,11 @@ from octoform.apply.context import Context, accepted, predecessor
 from octoform.apply.stage.acceptance import BYTES_QUOTED, Verdict, artifacts, judge, read_output, read_value, shown
 from octoform.apply.stage.artifact_writer import runtime_files
 from octoform.apply.stage.secret_scan import blanked
+from octoform.base.escaping import shown as quoted
 from octoform.base.files import parse, replace
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import HostScan
 from octoform.contracts.rules.probe_host_rules import completed
-from octoform.contracts.shown_text import shown as quoted
 from octoform.diagnostics import Diagnostic, Span, error, has_errors, warning
 from octoform.endpoint.environment.system_programs import chosen_programs, named_programs, package_of
 from octoform.harness.llm.token_prices import OWNERS, price_of

@@ -17,6 +17,8 @@ from octoform.apply.stage.acceptance import fresh
 from octoform.apply.stage.artifact_writer import counted, runtime_files
 from octoform.base import files
 from octoform.base.clock import parse_stamp
+from octoform.base.escaping import listed
+from octoform.base.escaping import shown as shown_text
 from octoform.base.files import replace
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
@@ -26,8 +28,6 @@ from octoform.contracts.rules.serve.tool_rules import tools_importing
 from octoform.contracts.schema_equivalence import serve_dynamic
 from octoform.contracts.script_header import declared_requirements, normalised
 from octoform.contracts.server_source import imported_modules, needed_source
-from octoform.contracts.shown_text import listed
-from octoform.contracts.shown_text import shown as shown_text
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.client.check import CheckReport, check, judge_check

@@ -7,7 +7,7 @@ index happens to offer on the day of a repair. Light.
 import re
 from collections.abc import Collection, Iterator, Mapping
 
-from octoform.base.escaping import escaped
+from octoform.base.escaping import escaped, flattened, listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.code_rules import is_standard
@@ -15,7 +15,6 @@ from octoform.contracts.rules.serve.programs import programs_of
 from octoform.contracts.rules.text_rules import in_values
 from octoform.contracts.script_header import declared_names, declared_requirements, normalised, required_python
 from octoform.contracts.server_source import Source, imported_modules, read_source
-from octoform.contracts.shown_text import flattened, listed, shown
 from octoform.diagnostics import Diagnostic, Span, error, warning
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})

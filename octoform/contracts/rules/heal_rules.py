@@ -7,12 +7,12 @@ import ast
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 NONE = "none"

@@ -8,9 +8,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 LISTED_AT_ONCE, SHOWN_AT_ONCE = 12, 3

@@ -8,11 +8,11 @@ import re
 from collections.abc import Iterator
 
 from octoform.base.clock import parse_stamp
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.host_identity import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 _NEIGHBOURHOODS = frozenset(

@@ -9,13 +9,13 @@ said to read there speaks of nothing that moves and takes nothing that a device 
 import re
 from collections.abc import Iterator
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
 from octoform.contracts.name_clues import changes, is_class_word, is_passthrough, offers_a_pipe, says_nothing
 from octoform.contracts.name_words import parts, said, says_language, words
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"

@@ -9,12 +9,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.conditions import holds, untestable
 from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
 from octoform.contracts.report_context import SENSOR, DutyFacts, place_of
 from octoform.contracts.rules.step_rules import properties, tool, tools_of
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 Found = list[Diagnostic]

@@ -7,10 +7,10 @@ the step is for; and a unit that is left out without a reason would be taken for
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, StepFacts
 from octoform.contracts.name_clues import same_action
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 # The tools of a device as a privileged step may use them: which moves it, which reads it, which units they name.

@@ -4,9 +4,9 @@ A call of such a tool passes those that wait for the device, so the mark belongs
 Where a profile has a grammar, that alone says which command stops, and the rules of grammars tell who strays from it.
 """
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 _ACTUATE = "actuate"

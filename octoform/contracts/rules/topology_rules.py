@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, warning
 
 _USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")

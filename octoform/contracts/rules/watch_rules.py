@@ -3,13 +3,13 @@
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.conditions import holds
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSOR, DutyFacts, place_of
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, Target, about, citations, facts_of
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import error
 
 _GRAVE = ("error", "down")

@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import MEASURED, RAW, WAYS, measures, speaks_bytes
 from octoform.contracts.device_kinds import shown as ways_of
@@ -24,7 +25,6 @@ from octoform.contracts.name_clues import (
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.name_rules import CLAIMED, PAGE
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 # Classes of the kernel with one meaning and a standard interface, by what they have in common.

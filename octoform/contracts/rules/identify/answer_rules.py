@@ -10,9 +10,9 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error, warning
 
 METHOD = "user_answer"

@@ -6,6 +6,7 @@ unknown, visibly, with the sentence that would settle it.
 
 import re
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -15,7 +16,6 @@ from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.identify import annotation_rules, answer_rules, name_rules, prose_rules
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 MANY_DEVICES = 40

@@ -10,6 +10,7 @@ said by the device. What an id database says is looked up in those of the host.
 import re
 from collections.abc import Iterable
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import KINDS, RAW, speaks_bytes
 from octoform.contracts.device_kinds import shown as ways_of
@@ -19,7 +20,6 @@ from octoform.contracts.name_words import has_digit, is_proper, missing, parts, 
 from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.answer_rules import stands_in
 from octoform.contracts.rules.identify.prose_rules import is_foreign
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 # From here on a name is claimed to be known; below, the kind of thing is all that is said.

@@ -9,11 +9,11 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify import answer_rules
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 _ORDERS = re.compile(

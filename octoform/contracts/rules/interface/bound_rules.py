@@ -9,10 +9,10 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
+from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, error
 
 LONGEST_WAIT = 60.0

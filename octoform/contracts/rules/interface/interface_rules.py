@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import escaped
+from octoform.base.escaping import escaped, listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.name_clues import same_action
@@ -18,7 +18,6 @@ from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.interface import bound_rules
 from octoform.contracts.rules.interface.member_units import measured_without_unit
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
 # Rules for INTERFACE about what clients read and give: words that name no unit, and results with members.

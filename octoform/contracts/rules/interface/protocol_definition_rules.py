@@ -7,10 +7,10 @@ would let a caller say what the description does not allow; both come from an ag
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
 from octoform.contracts.rules.interface.interface_rules import SPARED
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 CODE = "INTERFACE-GRAMMAR-DIFFERS"

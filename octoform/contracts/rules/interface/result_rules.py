@@ -13,12 +13,12 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
+from octoform.base.escaping import listed, shown
 from octoform.base.files import parse
 from octoform.base.pointer import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.rules.interface.bound_rules import trial_too_long
 from octoform.contracts.schema_validation import Problem, validator
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, error
 
 MAX_UNFOLDED = 5000

@@ -7,12 +7,12 @@ import ast
 import re
 import sys
 
+from octoform.base.escaping import shown
 from octoform.base.source_lines import counted
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.text_rules import in_source
 from octoform.contracts.script_header import declared_names, header, normalised
 from octoform.contracts.server_source import Source, imported_modules, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_LINES = 500

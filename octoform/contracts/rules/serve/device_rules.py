@@ -9,9 +9,9 @@ import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
+from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 # Constructors and functions of device libraries, by the last part of their name.

@@ -8,11 +8,11 @@ import ast
 import re
 from collections.abc import Iterator
 
+from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 # How many pictures a generated server takes of a camera that it has opened, up to the one that it keeps.

@@ -8,13 +8,13 @@ import ast
 import re
 from collections.abc import Iterator
 
+from octoform.base.escaping import shown
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.movement_words import commands_something, spoken
 from octoform.contracts.rules.raw_line_rules import cure, unknown_lines
 from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions, tool_sites
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 CODE = "SERVE-LINE-WRITTEN"

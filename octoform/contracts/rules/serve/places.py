@@ -4,10 +4,10 @@ import ast
 import re
 from collections.abc import Iterator, Sequence
 
+from octoform.base.escaping import shown
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.server_source import Source
-from octoform.contracts.shown_text import shown
 
 _UNKNOWN = "\0"
 _PLACES = re.compile(r"/(?:dev|sys)(?:/.*)?", re.DOTALL)

@@ -8,13 +8,13 @@ import ast
 import re
 from collections.abc import Iterator
 
+from octoform.base.escaping import listed, shown
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.flow import Flow, flow_of
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.places import constants, literal_places
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic
 
 _ELSEWHERE = re.compile(

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
+from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve import (
     code_rules,
@@ -19,7 +20,6 @@ from octoform.contracts.rules.serve import (
 from octoform.contracts.rules.serve.device_rules import opens_device
 from octoform.contracts.rules.serve.tool_rules import ToolSite, tool_functions, tool_sites
 from octoform.contracts.server_source import Function, Source, needed_source, read_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 # The rule for SERVE that what acts says so when it asks for its device: twins are then told apart, or it refuses.

@@ -8,12 +8,11 @@ import ast
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 
-from octoform.base.escaping import escaped
+from octoform.base.escaping import escaped, listed, shown
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.script_header import interface_errors
 from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
-from octoform.contracts.shown_text import listed, shown
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_PROBLEM = 500

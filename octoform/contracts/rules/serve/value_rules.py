@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
+from octoform.base.escaping import shown
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.chosen_values import Chosen, Kept, is_measured
@@ -16,7 +17,6 @@ from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Source, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic
 
 _AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"

@@ -4,6 +4,7 @@ import ast
 import re
 from functools import lru_cache
 
+from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
@@ -13,7 +14,6 @@ from octoform.contracts.rules.serve.places import folded
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Function, Source, needed_source
-from octoform.contracts.shown_text import shown
 from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
