@@ -17,8 +17,8 @@ from octoform.base.files import write_all
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.claims.settings import Settings, settings_of
+from octoform.daemon import metrics, notices
 from octoform.daemon.model import Done, Finding, Ports, Repair, Status
-from octoform.daemon.notify import metrics, notices
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
 from octoform.daemon.observe.observer import Looker, busy, open_look

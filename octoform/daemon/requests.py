@@ -10,7 +10,7 @@ from octoform.base.escaping import escaped
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim
 from octoform.claims.settings import settings_of
-from octoform.daemon.notify.notices import advice
+from octoform.daemon.notices import advice
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Breaker, Breakers

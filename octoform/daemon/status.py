@@ -17,12 +17,12 @@ from octoform.claims.model import Claim, Signal
 from octoform.claims.settings import Settings
 from octoform.daemon.health import Health, compose, from_json
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Outcome, Repair
-from octoform.daemon.notify.notices import Failing, advice, failing
-from octoform.daemon.notify.status_file import FILE, FRESH_SECONDS, basis
+from octoform.daemon.notices import Failing, advice, failing
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.observer import open_look
 from octoform.daemon.observe.samples import Sensors
 from octoform.daemon.signals import current, measured
+from octoform.daemon.status_file import FILE, FRESH_SECONDS, basis
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Breakers
 from octoform.daemon.store.incidents import Episode

@@ -22,9 +22,11 @@ from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.published_files import served_nodes
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.plan.configuration import MANIFEST
-from octoform.harness import logins, port, registry
+from octoform.harness import installer, logins, port, registry
+from octoform.harness import program_location as installed
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
+from octoform.harness.atomic_install import Setup
 from octoform.harness.doctor_checks import (
     Check,
     Status,
@@ -36,9 +38,6 @@ from octoform.harness.doctor_checks import (
     sandbox_check,
     unknown,
 )
-from octoform.harness.install import installer
-from octoform.harness.install import program_location as installed
-from octoform.harness.install.atomic_install import Setup
 from octoform.harness.llm.route import Route, access, apis_for, route
 from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.manifest.loader import load

@@ -21,11 +21,11 @@ from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import sandbox
-from octoform.harness.install.installer import node_version
-from octoform.harness.install.node_runtime import at_least, dotted
-from octoform.harness.install.program_location import Located, Pin
-from octoform.harness.install.short_command import stated_version
+from octoform.harness.installer import node_version
 from octoform.harness.llm.route import Access
+from octoform.harness.node_runtime import at_least, dotted
+from octoform.harness.program_location import Located, Pin
+from octoform.harness.short_command import stated_version
 from octoform.manifest.credentials import ANTHROPIC, GEMINI, is_sendable
 from octoform.manifest.model import Sandbox
 from octoform.manifest.model_url import is_loopback

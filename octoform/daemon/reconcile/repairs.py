@@ -8,7 +8,7 @@ from octoform.claims.model import Reading, Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Stand, stand, worse
 from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Ports, Repair
-from octoform.daemon.notify.notices import hint
+from octoform.daemon.notices import hint
 from octoform.daemon.reconcile.incidents import Troubles
 from octoform.daemon.reconcile.repair_policy import (
     APPLYING,

@@ -12,7 +12,6 @@ from octoform.claims.model import Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Ports
-from octoform.daemon.notify.status_file import FRESH_SECONDS, Bulletin
 from octoform.daemon.reconcile.incidents import Troubles
 from octoform.daemon.reconcile.repair_policy import (
     PROCESS,
@@ -24,6 +23,7 @@ from octoform.daemon.reconcile.repair_policy import (
     concerns_process,
 )
 from octoform.daemon.reconcile.repairs import Trying, Waits
+from octoform.daemon.status_file import FRESH_SECONDS, Bulletin
 from octoform.daemon.store import instance_lock
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.memory import Memory

@@ -9,9 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from octoform.apply import heal as healing
 from octoform.apply.context import Context
-from octoform.apply.duties import heal as healing
-from octoform.apply.duties.outcome import DutyOutcome, refusal
+from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, start_stop

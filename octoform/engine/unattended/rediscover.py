@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.apply.duties.outcome import DutyOutcome
+from octoform.apply.duty_outcome import DutyOutcome
 from octoform.apply.rewrite.promotion import MAKER
 from octoform.diagnostics import Diagnostic, Severity, has_errors
 from octoform.endpoint.process.record import is_marked

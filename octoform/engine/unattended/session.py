@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock, Context
-from octoform.apply.duties.outcome import DutyOutcome, refusal
-from octoform.apply.duties.watch import WATCH, watch
+from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
+from octoform.apply.watch import WATCH, watch
 from octoform.claims.settings import bounds_told
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.record import is_marked

@@ -16,7 +16,6 @@ from octoform.base import files
 from octoform.harness.adapters.program import Launch, ProgramHarness, command_seconds
 from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
-from octoform.harness.install.program_location import Pin
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -30,6 +29,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.harness.program_location import Pin
 from octoform.manifest.credentials import ANTHROPIC
 from octoform.manifest.model import HarnessSpec
 

@@ -15,7 +15,6 @@ from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness, bounded
 from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
-from octoform.harness.install.program_location import Pin
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -29,6 +28,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.harness.program_location import Pin
 from octoform.harness.watcher import added
 from octoform.manifest.credentials import GEMINI
 from octoform.manifest.model import HarnessSpec

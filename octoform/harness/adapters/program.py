@@ -17,9 +17,9 @@ from octoform.base.files import read
 from octoform.diagnostics import Diagnostic
 from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.containment import bounded_command
-from octoform.harness.install.program_location import Located, Pin, locate
 from octoform.harness.llm.route import Access, access, unusable
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task
+from octoform.harness.program_location import Located, Pin, locate
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.references import resolve
 

@@ -17,7 +17,6 @@ from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import count, field, json_object, one_line, trouble
-from octoform.harness.install.program_location import Pin
 from octoform.harness.port import (
     AgentEvent,
     Closed,
@@ -31,6 +30,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
+from octoform.harness.program_location import Pin
 from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, RESPONSES
 from octoform.manifest.model import HarnessSpec
 

@@ -14,7 +14,7 @@ from typing import Any
 from octoform.base.escaping import escaped_json
 from octoform.daemon.health import ORDER, Health, Part
 from octoform.daemon.model import Outcome, Repair, Status
-from octoform.daemon.notify.notices import Failing
+from octoform.daemon.notices import Failing
 from octoform.daemon.status import Survey, Trouble
 from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import to_json

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
+from octoform.apply import heal
 from octoform.apply.context import HEALED
-from octoform.apply.duties import heal
-from octoform.apply.duties.agent_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
-from octoform.apply.duties.heal import Healed, no_worse
-from octoform.apply.duties.outcome import DutyOutcome, refusal
+from octoform.apply.duty_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
+from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.heal import Healed, no_worse
 from octoform.base import digest
 from octoform.base.digest import of_bytes
 from octoform.diagnostics import error

@@ -10,11 +10,11 @@ from typing import Any, cast
 import pytest
 from adopted import AFTER, BEFORE, GRAPH, NEW, OLD, RUNTIME, Crash, Killed, host, is_whole, opened
 
+from octoform.apply import heal
 from octoform.apply.context import Clock, Context
-from octoform.apply.duties import heal
-from octoform.apply.duties.agent_input import LogSlice
-from octoform.apply.duties.heal import Case, roll_back
-from octoform.apply.duties.outcome import DutyOutcome
+from octoform.apply.duty_input import LogSlice
+from octoform.apply.duty_outcome import DutyOutcome
+from octoform.apply.heal import Case, roll_back
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.review import Reach
 from octoform.contracts.model import Artifacts

@@ -13,8 +13,8 @@ from octoform.claims.settings import Settings
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health, compose, stand, worse
 from octoform.daemon.model import Facts, Status
-from octoform.daemon.notify.status_file import Bulletin
 from octoform.daemon.signals import current, measured
+from octoform.daemon.status_file import Bulletin
 from octoform.daemon.store.memory import Memory
 from octoform.endpoint.process.record import Running
 from octoform.manifest.model import Daemon

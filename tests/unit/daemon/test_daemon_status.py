@@ -15,9 +15,9 @@ from octoform.daemon import requests
 from octoform.daemon import status as daemon_status
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Done, Finding, Repair, Status
-from octoform.daemon.notify.status_file import FRESH_SECONDS
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.status import survey
+from octoform.daemon.status_file import FRESH_SECONDS
 from octoform.daemon.store import instance_lock, json_store
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import Layout

@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.install.atomic_install import Setup
-from octoform.harness.install.installer import Installation, install
-from octoform.harness.install.program_location import RECORD, Pin
+from octoform.harness.atomic_install import Setup
+from octoform.harness.installer import Installation, install
+from octoform.harness.program_location import RECORD, Pin
 
 PIN = Pin("@scope/agent", "1.2.3", "agent", (22, 19))
 

@@ -8,9 +8,9 @@ from typing import Any
 from octoform.harness.adapters.program import Adapter, Launch
 from octoform.harness.contained_attempt import Invocation
 from octoform.harness.event_parser import Dialect
-from octoform.harness.install.program_location import Located
 from octoform.harness.llm.route import Access, access
 from octoform.harness.port import AgentEvent, Replying, Task, TaskLimits, Turn
+from octoform.harness.program_location import Located
 from octoform.manifest.model import HarnessSpec
 
 STREAMS = Path(__file__).parents[2] / "harness" / "streams"

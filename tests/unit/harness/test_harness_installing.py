@@ -15,8 +15,8 @@ from unit.harness.harness_agents import alive, noted
 from waiting import until
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.install.installer import Installation, whole
-from octoform.harness.install.program_location import RECORD, locate
+from octoform.harness.installer import Installation, whole
+from octoform.harness.program_location import RECORD, locate
 
 
 @pytest.fixture

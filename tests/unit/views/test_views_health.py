@@ -9,7 +9,7 @@ import pytest
 
 from octoform.daemon.health import Health, Part
 from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
-from octoform.daemon.notify.notices import Failing
+from octoform.daemon.notices import Failing
 from octoform.daemon.status import Survey, Trouble
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.instance_lock import Record

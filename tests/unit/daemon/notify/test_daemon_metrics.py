@@ -6,10 +6,10 @@ from pathlib import Path
 from daemon_world import DaemonWorld
 from prometheus_client.parser import text_string_to_metric_families
 
+from octoform.daemon import metrics
 from octoform.daemon.health import Health, Part
+from octoform.daemon.metrics import Picture
 from octoform.daemon.model import Cause, Done, Repair, Spent, Status
-from octoform.daemon.notify import metrics
-from octoform.daemon.notify.metrics import Picture
 from octoform.daemon.store import incidents
 
 Numbers = dict[tuple[str, tuple[tuple[str, str], ...]], float]

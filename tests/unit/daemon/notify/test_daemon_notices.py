@@ -13,9 +13,9 @@ from pathlib import Path
 
 import pytest
 
+from octoform.daemon import notices, webhook
 from octoform.daemon.model import Alert
-from octoform.daemon.notify import notices, webhook
-from octoform.daemon.notify.notices import Command, Desktop, Failing, Notifier, Webhook, failing, open_notifier
+from octoform.daemon.notices import Command, Desktop, Failing, Notifier, Webhook, failing, open_notifier
 from octoform.daemon.store.json_store import Shelf
 from octoform.manifest.model import Notify
 from octoform.state.layout import Layout

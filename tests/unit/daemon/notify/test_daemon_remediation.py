@@ -7,7 +7,7 @@ import pytest
 
 from octoform.daemon import requests
 from octoform.daemon.model import Kind
-from octoform.daemon.notify.notices import advice, hint
+from octoform.daemon.notices import advice, hint
 from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.lock_holder import myself

@@ -12,10 +12,10 @@ from pathlib import Path
 
 from octoform.base.files import parse, read_plain, replace
 from octoform.diagnostics import Diagnostic, error
-from octoform.harness.install.atomic_install import Setup, Slot, filled
-from octoform.harness.install.node_runtime import Node, at_least, machine_version, obtain, version_of
-from octoform.harness.install.program_location import RECORD, Located, Pin, folder, locate
-from octoform.harness.install.short_command import ShortRun, short_run, stated_version
+from octoform.harness.atomic_install import Setup, Slot, filled
+from octoform.harness.node_runtime import Node, at_least, machine_version, obtain, version_of
+from octoform.harness.program_location import RECORD, Located, Pin, folder, locate
+from octoform.harness.short_command import ShortRun, short_run, stated_version
 from octoform.manifest.credentials import masked
 
 NPM_SECONDS = 900.0

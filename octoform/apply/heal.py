@@ -11,10 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
+from octoform.apply import duty_input
 from octoform.apply.context import HEALED, Context, accepted
-from octoform.apply.duties import agent_input
-from octoform.apply.duties.outcome import DutyOutcome, refusal
-from octoform.apply.duties.watch import ALL, Given, assignment, calls_of, judge_of, paid, told_log
+from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.apply.rewrite.review import Reach, objections, reach_of
@@ -24,6 +23,7 @@ from octoform.apply.stage.assignment import Judge, Prove
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
+from octoform.apply.watch import ALL, Given, assignment, calls_of, judge_of, paid, told_log
 from octoform.base import digest
 from octoform.base.escaping import shown as shown_text
 from octoform.base.files import parse as parse_json
@@ -288,12 +288,12 @@ def _given(context: Context, case: Case, brief: Mapping[str, Any]) -> Given:
         "format": 1,
         "host": context.layout.host,
         "target": case.target,
-        "error": agent_input.plain(case.error),
+        "error": duty_input.plain(case.error),
         "tool": tool,
         "functions": list(case.reach.functions),
         "device": next((item for item in devices if item["id"] == wanted), None),
-        "readings": agent_input.readings_of(brief),
-        "failures": agent_input.failures_of(brief),
+        "readings": duty_input.readings_of(brief),
+        "failures": duty_input.failures_of(brief),
         **_packages(case.known.deploy or {}),
         "log": log.text,
         "server": SERVER,
@@ -305,8 +305,8 @@ def _packages(deploy: Mapping[str, Any]) -> dict[str, Any]:
     """What DEPLOY decided on, and what it found must not be installed together."""
     packages = [{"name": item["name"], "version": item["version"]} for item in deploy.get("requirements") or ()]
     return {
-        "packages": agent_input.plain(packages),
-        "conflicts": agent_input.plain(list(deploy.get("conflicts") or ())),
+        "packages": duty_input.plain(packages),
+        "conflicts": duty_input.plain(list(deploy.get("conflicts") or ())),
     }
 
 

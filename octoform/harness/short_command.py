@@ -14,7 +14,7 @@ from tempfile import TemporaryDirectory
 
 from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
-from octoform.harness.install.program_location import Located
+from octoform.harness.program_location import Located
 
 FILE_BYTES = 4 << 30
 KEPT_BYTES = 64 << 10

@@ -1,6 +1,6 @@
 """One POST of JSON, in a process of its own that is ended when it takes too long.
 
-Run as ``python -m octoform.daemon.notify.webhook`` with ``{url, body, seconds}`` on standard input; status 0 when
+Run as ``python -m octoform.daemon.webhook`` with ``{url, body, seconds}`` on standard input; status 0 when
 the other side answered with 2xx. What went wrong is printed to standard error without the URL or any part of it,
 since whoever has it may write there.
 """

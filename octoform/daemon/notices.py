@@ -48,7 +48,7 @@ _PLAIN = ("PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ")
 _DESKTOP = (*_PLAIN, "DISPLAY", "WAYLAND_DISPLAY", "XDG_RUNTIME_DIR", "DBUS_SESSION_BUS_ADDRESS")
 _NETWORK = (*_PLAIN, "SSL_CERT_FILE", "SSL_CERT_DIR")
 _PROXIES = ("http_proxy", "https_proxy", "no_proxy")
-_POSTING = (sys.executable, "-P", "-m", "octoform.daemon.notify.webhook")
+_POSTING = (sys.executable, "-P", "-m", "octoform.daemon.webhook")
 
 Deliver = Callable[[Alert], str | None]
 """Tells one alert; None when that is done, else why not, in words that hold no secret."""

@@ -10,10 +10,10 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from octoform import events
+from octoform.apply import duty_input
 from octoform.apply.context import Context
-from octoform.apply.duties import agent_input
-from octoform.apply.duties.agent_input import LogSlice, beheld, slice_of
-from octoform.apply.duties.outcome import DutyOutcome, refusal
+from octoform.apply.duty_input import LogSlice, beheld, slice_of
+from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, read_value, shown
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
@@ -109,14 +109,14 @@ def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
     secrets = agent_environment.secrets(context.environ, manifest.variables)
     settings = manifest.housekeeping
     completion = LiteLLMCompletion(settings, context.environ) if settings is not None else None
-    found = slice_of(context.layout, agent_input.since_of(brief), secrets, completion)
+    found = slice_of(context.layout, duty_input.since_of(brief), secrets, completion)
     if found.reason:
         context.emit(events.Notice(WATCH, f"the log is not summarised, WATCH gets its newest lines: {found.reason}"))
     return found
 
 
 def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Given:
-    readings = agent_input.readings_of(brief)
+    readings = duty_input.readings_of(brief)
     log = told_log(context, brief)
     seen = beheld(context.layout, context.manifest.perception, readings)
     interface = known.interface or {"tools": []}
@@ -125,10 +125,10 @@ def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Give
         "host": context.layout.host,
         "since": str(brief.get("since") or "")[:64],
         "readings": readings,
-        "failures": agent_input.failures_of(brief),
+        "failures": duty_input.failures_of(brief),
         "log": log.text,
-        "claims": agent_input.claims_of(brief),
-        "summary": agent_input.summary_of(brief),
+        "claims": duty_input.claims_of(brief),
+        "summary": duty_input.summary_of(brief),
         "devices": told_devices(interface, known.identify),
         "tools": told_tools(interface),
         "frames": [dict(frame) for frame in seen.frames],

