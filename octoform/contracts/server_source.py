@@ -91,14 +91,34 @@ class Source:
         """What each function names: functions of the file, and the methods of its classes."""
         out = {}
         for function in self.functions:
-            names = {item.id for item in ast.walk(function) if isinstance(item, ast.Name)}
-            names |= {item.attr for item in ast.walk(function) if isinstance(item, ast.Attribute)}
-            out[function] = [other for other in self.functions if names & self._called_by(other)]
+            inside = list(ast.walk(function))
+            names = {item.id for item in inside if isinstance(item, ast.Name)} - self._own_names.get(function, set())
+            methods = {item.attr for item in inside if isinstance(item, ast.Attribute)}
+            out[function] = [other for other in self.functions if self._is_named(other, names, methods)]
         return out
 
-    def _called_by(self, function: Function) -> set[str]:
+    def _is_named(self, function: Function, names: set[str], methods: set[str]) -> bool:
         above = self.parents.get(function)
-        return {function.name, above.name} if isinstance(above, ast.ClassDef) else {function.name}
+        if isinstance(above, ast.ClassDef):
+            return function.name in methods or above.name in names
+        return function.name in names
+
+    @cached_property
+    def _own_names(self) -> dict[Function | None, set[str]]:
+        """What each function binds for itself, so that it is nobody else's name there."""
+        found: dict[Function | None, set[str]] = {}
+        shared: dict[Function | None, set[str]] = {}
+        for item in self.nodes:
+            if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store):
+                found.setdefault(self.owner(item), set()).add(item.id)
+            elif isinstance(item, ast.Global | ast.Nonlocal):
+                shared.setdefault(self.owner(item), set()).update(item.names)
+        for function in self.functions:
+            given = function.args
+            found.setdefault(function, set()).update(
+                item.arg for item in (*given.posonlyargs, *given.args, *given.kwonlyargs)
+            )
+        return {function: names - shared.get(function, set()) for function, names in found.items()}
 
     def asking(self, function: ast.AST) -> list[ast.Call]:
         """The calls of ``runtime.device`` in a function."""

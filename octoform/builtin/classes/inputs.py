@@ -88,6 +88,8 @@ USB_HID = "03"
 _CDC_SERIAL = "02/02"
 _BOOT = {"03/01/01": ("keyboard", "USB keyboard"), "03/01/02": ("mouse", "USB mouse")}
 # Vendor interfaces of game controllers that the kernel's own driver for them is bound by.
+# Drivers that bind to every HID device.
+_ANY_HID = frozenset(("usb", "usb-generic", "usbhid", "hid-generic", "i2c_hid", "i2c_hid_acpi", "i2c_hid_of"))
 _GAME_INTERFACES = ("ff/5d/01", "ff/47/d0")
 _ORDER = (
     "accelerometer",
@@ -139,12 +141,21 @@ def claim(device: Device) -> Claim | None:
     interface = device.usb(USB_HID)
     if is_private(device) or device.usb(_CDC_SERIAL):
         return None  # a board with a serial line has a plain HID interface besides
-    if interface or device.bus == "hid":
+    if (interface or device.bus == "hid") and _is_told(device):
         evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
         names = device.names("hid", "name") or _own_name(device)
         noun = "USB input device" if interface else "input device"
         return Claim("input", SENSOR, noun, (evidence,), names=names, settled=False)
     return None
+
+
+def _is_told(device: Device) -> bool:
+    """Whether anything but the bare class tells what a HID device is: a word of its own, or a driver of its kind.
+
+    A power supply, a relay and a meter have that class as well as a keyboard has it.
+    """
+    names = (device.product_text, *(text for text, _ in (*device.names("hid", "name"), *_own_name(device))))
+    return any(map(product_names.tells_a_model, names)) or not device.drivers <= _ANY_HID
 
 
 def _from_boot(device: Device) -> Claim | None:

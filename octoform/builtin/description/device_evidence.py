@@ -161,7 +161,7 @@ class Device:
         found = self._databases.lookup(self.bus, self.vid, self.pid)
         if not found[1] and vendor:
             return Registered(vendor.text, "", vendor.line, "udev hwdb")
-        return Registered(*found, line, f"{self.bus}.ids") if line else Registered()
+        return Registered(*found, line, self._databases.source(self.bus)) if line else Registered()
 
     @property
     def usb_class(self) -> str:

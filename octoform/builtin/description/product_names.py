@@ -118,6 +118,7 @@ _OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem
 _FOREIGN = re.compile(r"[\u0370-\u06ff\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]{2}")
 _COINED = re.compile(r"\b(?=\w*[a-z])(?=\w*[A-Z]\w*[A-Z])[A-Za-z]{4,}\b")
 _INITIAL = 2
+_SHORT_MODEL = re.compile(r"(.*\S)[ _-]+([A-Z]{2})(?:[ _-].*)?")
 _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
@@ -188,13 +189,23 @@ def names_a_product(text: str) -> bool:
 def adds_to(maker: str, product: str) -> bool:
     """True when a product string says more than its maker's name: a model word of its own, or a number.
 
-    Two letters alone are the initials of whoever sells it.
+    Two letters alone are the initials of whoever sells it, unless they stand behind the maker's whole name and are not
+    its own: that is how a maker calls one of several models.
     """
     said = set(words(maker))
     spoken = words(_DOTTED.sub(" ", product))
     numbers = [word for word in spoken if word.isdigit() and len(word) > 1 and word not in GENERIC]
     telling = [word for word in model_words(product) if len(word) > 2 or not word.isalpha()]
-    return bool(numbers) or not said.issuperset(telling)
+    return bool(numbers) or not said.issuperset(telling) or _is_short_model(maker, product)
+
+
+def _is_short_model(maker: str, product: str) -> bool:
+    """True for two capitals behind the maker's name: 'Acme SX' of Acme."""
+    found = _SHORT_MODEL.fullmatch(product.strip())
+    if not found or not is_vendor(maker) or words(found[1]) != words(maker):
+        return False
+    initials = {word[0] for word in words(maker)}
+    return found[2].lower() not in GENERIC and not set(found[2].lower()) <= initials
 
 
 def describes_transport(text: str) -> bool:

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from hosts.plant import NAMES, plant
-from unit.builtin_identify.probes import answer, usb
+from unit.builtin_identify.probes import answer, probe, usb
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
@@ -26,6 +26,17 @@ def test_the_contract_accepts_every_invented_host(name: str, tmp_path: Path) -> 
     probed = probe_root(root)
     found = identify(probed, IdDatabases(root))
     assert check("identify", found, Artifacts(probe=probed), ROOT / "protocol/schemas") == []
+
+
+@pytest.mark.parametrize("name", ["USB input device", "HID device", "serial sensor"])
+@pytest.mark.parametrize("strings", [(), ("product: USB Device",)])
+def test_the_class_of_a_pipe_names_no_kind_of_thing(name: str, strings: tuple[str, ...]) -> None:
+    entry = usb(*strings, "interface 00: class 03/00/00 driver=usbhid", classes=["hid", "hidraw"], drivers=["usbhid"])
+    told = {"identified_as": name, "category": "sensor", "confidence": 0.3, "method": "kernel_class"}
+    told |= {"id": entry["id"], "evidence": [{"quote": "driver=usbhid"}], "capabilities": []}
+    value = {"format": 1, "devices": [told], "left_out": []}
+    found = check("identify", value, Artifacts(probe=probe(entry)), ROOT / "protocol/schemas")
+    assert [item.code for item in found] == ["IDENTIFY-GUESS"]
 
 
 def test_the_laptop_is_known_by_name(tmp_path: Path) -> None:

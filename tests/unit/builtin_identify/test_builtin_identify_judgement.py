@@ -116,6 +116,74 @@ def test_the_id_database_tells_a_serial_chip(tmp_path: Path) -> None:
     assert (found["category"], found["class"]) == ("unknown", "serial")
 
 
+HWDB = """# made of other files
+usb:v1D9C*
+ ID_VENDOR_FROM_DATABASE=Finch Instruments
+
+usb:v1D9Cp0001*
+ ID_MODEL_FROM_DATABASE=Warbler 9 Reader
+
+pci:v00001D9Cd00000001*
+pci:v00001D9Cd00000002*
+ ID_MODEL_FROM_DATABASE=Warbler Card
+"""
+
+
+def test_udev_s_own_sources_stand_in_where_no_id_file_is_installed(tmp_path: Path) -> None:
+    folder = tmp_path / "usr/lib/udev/hwdb.d"
+    folder.mkdir(parents=True)
+    (folder / "20-usb-vendor-model.hwdb").write_text(HWDB)
+    found = answer(usb("interface 00: class 08/06/50"), IdDatabases(tmp_path))
+    assert (found["identified_as"], found["method"]) == ("Finch Instruments Warbler 9 Reader", "id_database")
+    assert found["evidence"][0]["says"] == "udev hwdb: Finch Instruments Warbler 9 Reader"
+    assert IdDatabases(tmp_path).lookup("pci", "1d9c", "0001") == ("", "Warbler Card")
+    assert IdDatabases(tmp_path).lookup("usb", "1d9c", "0002") == ("Finch Instruments", "")
+
+    own = tmp_path / "etc/udev/hwdb.d"
+    own.mkdir(parents=True)
+    (own / "30-bench.hwdb").write_text("usb:v1D9Cp0001*\n ID_MODEL_FROM_DATABASE=Warbler 9 of the bench\n")
+    assert IdDatabases(tmp_path).lookup("usb", "1d9c", "0001")[1] == "Warbler 9 of the bench"
+    (own / "20-usb-vendor-model.hwdb").write_text("")
+    assert IdDatabases(tmp_path).lookup("usb", "1d9c", "0001") == ("", "Warbler 9 of the bench")
+
+
+def test_an_id_file_is_asked_before_udev_s_sources(tmp_path: Path) -> None:
+    folder = tmp_path / "etc/udev/hwdb.d"
+    folder.mkdir(parents=True)
+    (folder / "20-usb-vendor-model.hwdb").write_text(HWDB.replace("Warbler 9", "Thrush 1"))
+    assert databases(tmp_path).lookup("usb", "1d9c", "0001") == ("Finch Instruments", "Warbler 9 Reader")
+
+
+@pytest.mark.parametrize(
+    ("maker", "product", "sure"),
+    [
+        ("OBDLink", "OBDLink SX", True),
+        ("Heron", "Heron SX meter", True),
+        ("Heron Works", "Heron Works HW", False),
+        ("Heron", "Heron HD", False),
+        ("Heron", "Heron", False),
+    ],
+)
+def test_two_letters_behind_the_maker_s_whole_name_tell_a_model(maker: str, product: str, sure: bool) -> None:
+    found = answer(usb(f"manufacturer: {maker}", f"product: {product}", *SERIAL, nodes=[("tty", "ttyUSB0")]))
+    assert (found["confidence"] > 0.5) == sure
+
+
+@pytest.mark.parametrize(
+    "lines",
+    [
+        ("interface 00: class 03/00/00 driver=usbhid",),
+        ("product: USB Device", "interface 00: class 03/00/00 driver=usbhid"),
+        ("manufacturer: Heron", "product: HID", "interface 00: class 03/00/00"),
+    ],
+)
+def test_a_hid_class_alone_names_nothing(lines: tuple[str, ...]) -> None:
+    found = answer(usb(*lines, drivers=["usb", "usbhid"], classes=["hidraw"]))
+    assert (found["category"], found["confidence"], found["capabilities"]) == ("unknown", 0.0, [])
+    told = answer(usb(*lines, "hid[0].usages: 0001/0006", drivers=["usb", "usbhid"], classes=["hidraw"]))
+    assert (told["category"], told["class"]) == ("sensor", "keyboard")
+
+
 def test_a_linked_database_outside_the_root_is_not_read(tmp_path: Path) -> None:
     outside = tmp_path / "outside.ids"
     outside.write_bytes(IDS)

@@ -194,8 +194,12 @@ CASES = [
     ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("b'\\xff\\xff' + b'A'")),
     ("SERVE-FRAME-BY-HAND", FAN, _FRAME.format("struct.pack('<BB', 255, 1)")),
     ("SERVE-PRINTS", "def _fan() -> int:\n", "def _fan() -> int:\n    print('fan')\n"),
+    ("SERVE-ENDS-PROCESS", "def _fan() -> int:\n", "def _fan() -> int:\n    if not FANS:\n        quit()\n"),
+    ("SERVE-MODULE-CHANGED", "def _fan() -> int:\n", "def _fan() -> int:\n    runtime.files = list\n"),
+    ("SERVE-WAIT-TOO-LONG", "def _fan() -> int:\n", "def _fan() -> int:\n    time.sleep(61)\n"),
 ]
 ALSO = {
+    "SERVE-CAMERA-HELD": {"SERVE-MODULE-CHANGED"},  # one is kept in the runtime itself
     "SERVE-EXCHANGE-SPLIT": {"SERVE-BUS-UNLOCKED"},
     # They return a number of their own and nothing else.
     "SERVE-DYNAMIC-CODE": {"SERVE-DEVICE-NOT-ASKED"},

@@ -54,6 +54,9 @@ _VAGUE = frozenset(
         *("some", "a", "an", "the", "of", "object", "item", "module", "unit", "interface"),
     )
 )
+_OWN_STRINGS = re.compile(r"(?m)^(?:product|model|name|hid\[\d+\]\.name): (.*)$")
+# Classes of which each device of a bus has one, whatever it is.
+_BARE = RAW | {"usb-02", "usb-03"}
 _CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
 
 
@@ -133,6 +136,8 @@ def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[
     proper = [word for word in telling if is_proper(word, device["identified_as"])]
     foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
     unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
+    if not (telling or kinds) and ways <= _BARE and not _speaks(probed):
+        unsaid |= {word for word in spelt if word.casefold() not in _VAGUE} or {*spelt}  # a pipe is no kind of thing
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
 
 
@@ -232,6 +237,12 @@ def _translated(device: JsonObject) -> frozenset[str]:
     """The words of what is said about a language or a meaning; a number is no translation."""
     told = [evidence.get("says", "") for evidence in device["evidence"]]
     return frozenset(word for word in said(text for text in told if says_language(text)) if not has_digit(word))
+
+
+def _speaks(probed: JsonObject) -> bool:
+    """Whether a device calls itself anything, in more than words that say nothing."""
+    spoken = (word.casefold() for text in _OWN_STRINGS.findall(str(probed["raw_descriptor"])) for word in words(text))
+    return any(not word.isdigit() and word not in _VAGUE | _GRAMMAR for word in spoken)
 
 
 def _meanings(device: JsonObject) -> frozenset[str]:

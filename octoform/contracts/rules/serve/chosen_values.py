@@ -9,14 +9,12 @@ from collections.abc import Iterable, Iterator
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.server_source import Source
 
 Numbers = frozenset[float]
 _DEPTH = 8
 _STEPPED = frozenset({"%", None})
 """Units in which a number may stand for one of a few steps."""
-_CACHES = frozenset({"cache", "lru_cache", "cached"})
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
 
 
@@ -79,96 +77,16 @@ class Chosen:
         return self._all(results, depth)
 
 
-class Kept:
-    """Which values are those of an earlier call: read once, put into the module, and given back while they are there.
-
-    A value that each call stores anew, as the last term of a mean, is none.
-    """
-
-    def __init__(self, source: Source, flow: Flow) -> None:
-        self._source, self._flow = source, flow
-        stores = [(_root(target), target, value) for target, value in self._stores()]
-        shared = self._shared() & {name for name, _, _ in stores}
-        self._tables = {name for name in shared if self._is_filled_late(name, stores)}
-
-    def holds(self, node: ast.AST | None, depth: int = _DEPTH) -> bool:
-        """Whether a value may have been kept."""
-        if depth == 0 or node is None:
-            return False
-        if isinstance(node, ast.Name):
-            return self._is_table(node) or any(self.holds(item, depth - 1) for item in self._flow.plain(node))
-        if isinstance(node, ast.BinOp):
-            return self.holds(node.left, depth - 1) or self.holds(node.right, depth - 1)
-        if isinstance(node, ast.Subscript | ast.Attribute):
-            return self._is_table(node.value)
-        if not isinstance(node, ast.Call):
-            return False
-        name = self._source.dotted(node.func)
-        if name in _PASSES:
-            return any(self.holds(item, depth - 1) for item in node.args)
-        if isinstance(node.func, ast.Attribute) and node.func.attr in ("get", "setdefault"):
-            return self._is_table(node.func.value)
-        own = [item for item in self._source.functions if item.name == name]
-        if len(own) != 1 or not isinstance(node.func, ast.Name):
-            return False
-        cached = {self._source.dotted(_called(item)).rpartition(".")[2] for item in own[0].decorator_list}
-        reads = self._flow.returned(own[0]) & Origin.READ
-        return bool(cached & _CACHES and reads) or any(self.holds(x, depth - 1) for x in self._flow.results(own[0]))
-
-    def _is_table(self, node: ast.AST) -> bool:
-        own = isinstance(node, ast.Name) and self._flow.bindings.scope(node, node.id) is None
-        return own and isinstance(node, ast.Name) and node.id in self._tables
-
-    def _shared(self) -> set[str]:
-        """The names of the module that are no functions or modules; a class keeps what is stored into it."""
-        stored = (item for item in self._source.nodes if isinstance(item, ast.Assign | ast.AnnAssign))
-        targets = [
-            each for item in stored for each in (item.targets if isinstance(item, ast.Assign) else [item.target])
-        ]
-        names = {each.id for each in targets if isinstance(each, ast.Name) and self._source.owner(each) is None}
-        return names | {item.name for item in self._source.nodes if isinstance(item, ast.ClassDef)}
-
-    def _is_filled_late(self, name: str, stores: list[tuple[str, ast.AST, ast.expr]]) -> bool:
-        """Whether something that was read is stored under a name, and only where a test of it or of the clock says."""
-        own = [(target, value) for root, target, value in stores if root == name]
-        read = any(self._flow.of(value) & Origin.READ for _, value in own)
-        return read and all(self._is_tested(target, name) for target, _ in own)
-
-    def _stores(self) -> Iterator[tuple[ast.AST, ast.expr]]:
-        """(target, value) of each store from within a function."""
-        for item in self._source.nodes:
-            if self._source.owner(item) is None:
-                continue
-            if isinstance(item, ast.Assign):
-                yield from ((target, item.value) for target in item.targets)
-            elif isinstance(item, ast.Call) and isinstance(item.func, ast.Attribute) and item.func.attr == "setdefault":
-                yield from ((item, value) for value in item.args[1:2])
-
-    def _is_tested(self, node: ast.AST, name: str) -> bool:
-        if isinstance(node, ast.Call):
-            return True  # setdefault
-        tests = [above.test for above, below in self._source.above(node) if isinstance(above, ast.If)]
-        for item in (each for test in tests for each in ast.walk(test)):
-            if isinstance(item, ast.Name) and (
-                item.id == name or any(_mentions(x, name) for x in self._flow.plain(item))
-            ):
-                return True
-        return False
-
-
-def _called(node: ast.expr) -> ast.expr:
-    return node.func if isinstance(node, ast.Call) else node
-
-
-def _mentions(node: ast.AST, name: str) -> bool:
-    return any(isinstance(item, ast.Name) and item.id == name for item in ast.walk(node))
-
-
-def _root(node: ast.AST) -> str:
-    """The name at which a target begins."""
-    while isinstance(node, ast.Subscript | ast.Attribute | ast.Call):
-        node = node.func if isinstance(node, ast.Call) else node.value
-    return node.id if isinstance(node, ast.Name) else ""
+def is_of_environment(source: Source, flow: Flow, test: ast.expr, depth: int = 3) -> bool:
+    """Whether a test asks the environment or the command line, of which no device knows: a mode of the server."""
+    for item in ast.walk(test):
+        name = source.dotted(item) if isinstance(item, ast.Name | ast.Attribute | ast.Call) else ""
+        if name.startswith(("os.environ", "os.getenv", "sys.argv")):
+            return True
+        values = flow.plain(item) if depth and isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load) else []
+        if any(isinstance(each, ast.expr) and is_of_environment(source, flow, each, depth - 1) for each in values):
+            return True
+    return False
 
 
 def is_measured(site: ast.AST, name: str, units: Iterable[str | None], numbers: Numbers) -> bool:

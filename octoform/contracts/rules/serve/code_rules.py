@@ -10,6 +10,7 @@ import sys
 from octoform.base.escaping import shown
 from octoform.base.source_lines import counted
 from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
 from octoform.contracts.rules.text_rules import in_source
 from octoform.contracts.script_header import declared_names, header, normalised
 from octoform.contracts.server_source import Source, imported_modules, needed_source
@@ -42,6 +43,12 @@ _LISTENERS = re.compile(
     r"|http\.server\..*Server|socketserver\..*Server|xmlrpc\.server\..*|wsgiref\..*|websockets\.(?:.*\.)?serve"
     r"|(?:.*\.)?(?:run_http_async|run_sse_async|http_app|sse_app|streamable_http_app)|(?:.*socket.*|.*sock)\.(?:bind|listen)"
 )
+_ENDS = frozenset({"sys.exit", "os._exit", "os.abort", "exit", "quit", "signal.raise_signal"})
+_ENDING = frozenset({"SystemExit", "KeyboardInterrupt", "GeneratorExit"})
+_STAND_INS = frozenset({"unittest", "mock", "pytest", "doctest", "faker"})
+_SLEEPS = frozenset({"time.sleep", "asyncio.sleep", "anyio.sleep"})
+_LONGEST_WAIT = 60.0
+"""Seconds; the bound of protocol/interface.md."""
 
 
 def too_long(value: str, _: Artifacts) -> list[Diagnostic]:
@@ -75,6 +82,10 @@ def import_relative(value: str, _: Artifacts) -> list[Diagnostic]:
         if name == ".":
             hint = "import `runtime` by its name; it lies beside the server"
             out.append(source.problem("SERVE-IMPORT-FORM", node, "the server has a relative import", hint))
+        elif name in _STAND_INS:
+            summary = f"{shown(name)} makes stand-ins, and a server that has one tells of no device"
+            hint = "let the import of a missing library fail: its tool then says which one is missing"
+            out.append(source.problem("SERVE-IMPORT-FORM", node, summary, hint))
         elif isinstance(node, ast.ImportFrom) and any(item.name == "*" for item in node.names):
             summary = f"a star import from {shown(name)} hides what the server uses"
             out.append(source.problem("SERVE-IMPORT-FORM", node, summary, "import each name"))
@@ -175,6 +186,58 @@ def prints(value: str, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def ends_process(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No tool ends the process: it serves all other tools, and all other clients, as well."""
+    source = needed_source(value)
+    used = source.entered_from(item for site in tool_sites(source) for item in tool_functions(source, site))
+    hint = "raise ToolError with one sentence: the call fails, and the server goes on"
+    out = []
+    for node in source.nodes:
+        called = node.func if isinstance(node, ast.Call) else node.exc if isinstance(node, ast.Raise) else None
+        name = source.dotted(called).removesuffix("()")
+        own = name == "os.kill" and isinstance(node, ast.Call) and "os.getpid" in ast.unparse(node)
+        ends = name in (_ENDING if isinstance(node, ast.Raise) else _ENDS)
+        if (own or ends) and source.owner(node) in used:
+            out.append(source.problem("SERVE-ENDS-PROCESS", node, f"{shown(name)} ends the whole server", hint))
+    return out
+
+
+def module_changed(value: str, _: Artifacts) -> list[Diagnostic]:
+    """What the server imports stays as it is: a reader that was replaced reads nothing any more."""
+    source = needed_source(value)
+    hint = "write a function of your own and call that; modules are used as they are"
+    out = []
+    for node in source.nodes:
+        if isinstance(node, ast.Attribute) and not isinstance(node.ctx, ast.Load):
+            changed: ast.expr = node.value
+        elif isinstance(node, ast.Call) and source.dotted(node.func) in ("setattr", "delattr") and node.args:
+            changed = node.args[0]
+        else:
+            continue
+        root = changed
+        while isinstance(root, ast.Attribute):
+            root = root.value
+        name = source.dotted(changed)
+        if isinstance(root, ast.Name) and root.id in source.names and not name.startswith("logging"):
+            summary = f"a part of {shown(name)} is replaced, for everyone who uses it"
+            out.append(source.problem("SERVE-MODULE-CHANGED", node, summary, hint))
+    return out
+
+
+def waits_too_long(value: str, _: Artifacts) -> list[Diagnostic]:
+    """No call sleeps for longer than a caller waits."""
+    source = needed_source(value)
+    out = []
+    for call, name in source.calls:
+        given = call.args[0] if name in _SLEEPS and call.args else None
+        seconds = given.value if isinstance(given, ast.Constant) else None
+        if isinstance(seconds, int | float) and seconds > _LONGEST_WAIT:
+            summary = f"{shown(name)} waits {seconds:g} s, and a call may last {_LONGEST_WAIT:g} s"
+            hint = "return what is there now, or let a parameter say how long to wait, within a minute"
+            out.append(source.problem("SERVE-WAIT-TOO-LONG", call, summary, hint))
+    return out
+
+
 RULES = (
     Rule("SERVE-TOO-LONG", too_long),
     Rule("SERVE-HEADER", header),
@@ -186,6 +249,9 @@ RULES = (
     Rule("SERVE-UNSAFE-LOADS", unsafe_loads),
     Rule("SERVE-LISTENS", listens),
     Rule("SERVE-PRINTS", prints),
+    Rule("SERVE-ENDS-PROCESS", ends_process),
+    Rule("SERVE-MODULE-CHANGED", module_changed),
+    Rule("SERVE-WAIT-TOO-LONG", waits_too_long),
     Rule("SERVE-UNESCAPED-TEXT", in_source("SERVE-UNESCAPED-TEXT")),
 )
 

@@ -66,6 +66,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # that is told, and is why nothing comes from a device
         asked = [call for function in used for call in source.asking(function)]
         summary = _asks_wrongly(source, flow, asked, tool) or _names_another(source, roots, tool, artifacts)
+        summary = summary or _falls_back(source, used, tool)
         if any(source.owner(node) in used for node, _ in literal_places(source, flow)):
             continue
         if summary is None and not _comes_from_there(source, flow, tool, roots, used, found=bool(asked)):
@@ -204,6 +205,17 @@ def _names_another(source: Source, roots: list[Function], tool: JsonObject, arti
     }
     foreign = sorted(written & (known - set(tool["devices"])))
     return f"names {listed(foreign)}, which INTERFACE does not give it" if foreign else None
+
+
+def _falls_back(source: Source, used: list[Function], tool: JsonObject) -> str | None:
+    """What is wrong with a tool of several devices that goes on with one of them where the wanted one fails."""
+    for node in source.nodes:
+        handler = any(isinstance(above, ast.ExceptHandler) for above, _ in source.above(node))
+        written = isinstance(node, ast.Constant) and node.value in tool["devices"]
+        given = isinstance(source.parents.get(node), ast.Call | ast.keyword)
+        if len(tool["devices"]) > 1 and handler and written and given and source.owner(node) in used:
+            return "goes on with another device where the one that the caller names fails"
+    return None
 
 
 def _comes_from_there(

@@ -11,9 +11,10 @@ from typing import Any
 from octoform.base.escaping import shown
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.rules.serve.chosen_values import Chosen, Kept, is_measured
+from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import Origin
+from octoform.contracts.rules.serve.kept_values import Kept
+from octoform.contracts.rules.serve.origins import Origin, last
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.server_source import Source, needed_source
@@ -29,10 +30,11 @@ _STATIC = re.compile(
 """Members that may be known beforehand, or are no readings."""
 _DRAWN = re.compile(
     r"(?:.*\.)?random\.(?:random|uniform|gauss|normal\w*|randint|randrange|triangular|randn?|\w*variate)"
+    r"|secrets\.rand(?:below|bits)|(?:.*\.)?(?:default_rng|RandomState|SystemRandom|Random)\(\)\.\w+"
 )
 _BLANK = re.compile(r"(?:numpy|np)\.(?:zeros|ones|full|empty)(?:_like)?|(?:PIL\.)?Image\.new")
 """A picture of one colour."""
-_BROAD = frozenset({"Exception", "BaseException", "OSError", "IOError"})
+_BROAD = frozenset({"Exception", "BaseException", "OSError", "IOError", "DeviceFault", "DeviceAbsent", "BusBusy"})
 
 
 def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -80,7 +82,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or leave the member out of INTERFACE's output_schema; null there lets None say unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
-        for call in (node for node in source.nodes if source.owner(node) in used and _draws(source, node)):
+        for call in (node for node in source.nodes if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
             hint = "return what was read as it is; a wait of chance belongs to time.sleep"
             out.setdefault(call, source.problem("SERVE-CONSTANT-READING", call, summary, hint))
@@ -94,9 +96,15 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-def _draws(source: Source, node: ast.AST) -> bool:
-    """Whether a number is drawn, and for more than a wait, an order or a choice of a name."""
-    if not isinstance(node, ast.Call) or not _DRAWN.fullmatch(source.dotted(node.func)):
+def _draws(source: Source, flow: Flow, node: ast.AST) -> bool:
+    """Whether a number is drawn, or is a wave of the clock's, and for more than a wait, an order or a choice."""
+    if not isinstance(node, ast.Call):
+        return False
+    name = source.dotted(node.func)
+    counted = any(isinstance(above, ast.BinOp) for above, _ in source.above(node))
+    if name in ("math.sin", "math.cos") and flow.of(node) == Origin.CLOCK:
+        return counted
+    if not _DRAWN.fullmatch(name) and not (counted and name in ("os.urandom", "os.getrandom")):
         return False
     return not any(
         isinstance(above, ast.Call) and source.dotted(above.func).endswith(("sleep", "Timer", "wait"))
@@ -222,8 +230,9 @@ class _Substitutes:
             if stands_in and not neutral and self._is_read(node.values[0]) and not self._decides(node):
                 yield node, "what could not be read"
         elif isinstance(node, ast.IfExp):
-            yield from self._chosen(node)
+            yield from (*self._chosen(node), *self._in_a_mode(node))
         elif isinstance(node, ast.If):
+            yield from self._in_a_mode(node)
             absent = _tests_none(node.test) and not _is_optional(node.test)
             body = [item for item in node.body if self._gives_number(item)] if absent else []
             body += [] if absent else [item for item in node.body if self._stands_in(node.test, item)]
@@ -235,7 +244,17 @@ class _Substitutes:
         elif isinstance(node, ast.Call):
             yield from self._given(node)
 
+    def _in_a_mode(self, node: ast.If | ast.IfExp) -> Iterator[tuple[ast.AST, str]]:
+        if is_of_environment(self._source, self._flow, node.test):
+            branches = (*node.body, *node.orelse) if isinstance(node, ast.If) else (node.body, node.orelse)
+            for item in branches:
+                value = item.value if isinstance(item, ast.Return | ast.Assign) else item
+                if isinstance(value, ast.expr) and self._of_numbers(value):
+                    yield item, "a reading where the environment says so"
+
     def _is_read(self, node: ast.expr) -> bool:
+        if isinstance(node, ast.Call) and self._source.dotted(node.func) in ("locals", "globals"):
+            return True  # a name that may not have got its value
         return bool(self._flow.of(node) & (Origin.READ | Origin.SYSTEM)) and not isinstance(node, ast.Compare)
 
     def _is_number(self, node: ast.AST | None, depth: int = 3) -> bool:
@@ -382,7 +401,7 @@ class _Substitutes:
 def _says_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
     """Whether a handler of whatever goes wrong returns a record with empty lists, as if there were nothing."""
     kinds = [handler.type] if not isinstance(handler.type, ast.Tuple) else handler.type.elts
-    broad = any(item is None or (isinstance(item, ast.Name) and item.id in _BROAD) for item in kinds)
+    broad = any(item is None or last(item) in _BROAD for item in kinds)
     parts = list(ast.walk(node))
     lists = [item for item in parts if isinstance(item, ast.List)]
     told = any(isinstance(item, ast.Name) and item.id == handler.name for item in parts)

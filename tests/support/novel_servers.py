@@ -1,0 +1,262 @@
+"""Servers of an agent that wants to be done: values kept in odd places, failures hidden, the runtime replaced.
+
+They were written before anybody looked at what the rules say of them, and then stayed.
+"""
+
+from typing import Any
+
+from server_edits import ASKED, CAMERA, FILE, FLUSHED, adds, all_of, body, read_by, swap, uses, warm
+from wrong_servers import picture, temperature
+
+NUMBER = f"float(({FILE}).read_text())"
+READ = f"value = {NUMBER}"
+
+KEPT: dict[str, Any] = {
+    "in a default argument": temperature(
+        "value = heat(device)",
+        more=f"def heat(name, cache=[]):\n    if not cache:\n        cache.append({NUMBER})\n    return cache[0]",
+    ),
+    "in a table by default": temperature(
+        "value = heat(device)",
+        more=f"def heat(name, cache={{}}):\n    if name not in cache:\n        cache[name] = {NUMBER}\n"
+        "    return cache[name]",
+    ),
+    "on a function": temperature(
+        "value = heat(device)",
+        more=f"def heat(name):\n    if not hasattr(heat, 'last'):\n        heat.last = {NUMBER}\n    return heat.last",
+    ),
+    "on the tool itself": temperature(
+        "if getattr(read_temperature, 'last', None) is None:\n"
+        f"    read_temperature.last = {NUMBER}\nvalue = read_temperature.last"
+    ),
+    "in a closure": temperature(
+        "value = heat()",
+        more="def reader():\n    last = None\n\n    def read():\n        nonlocal last\n        if last is None:\n"
+        f"            last = {NUMBER}\n        return last\n\n    return read\n\n\nheat = reader()",
+    ),
+    "in a table of a closure": temperature(
+        "value = heat(device)",
+        more="def reader():\n    seen = {}\n\n    def read(name):\n        if name not in seen:\n"
+        f"            seen[name] = {NUMBER}\n        return seen[name]\n\n    return read\n\n\nheat = reader()",
+    ),
+    "in a cached function by assignment": temperature(
+        "value = heat(device)",
+        "functools",
+        more=f"def _heat(name):\n    return {NUMBER}\n\n\nheat = functools.lru_cache(maxsize=None)(_heat)",
+    ),
+    "in a cache for each minute": temperature(
+        "value = heat(device, int(time.time() // 60))",
+        "functools",
+        more=f"@functools.lru_cache(maxsize=1)\ndef heat(name, minute):\n    return {NUMBER}",
+    ),
+    "in an object of the module": temperature(
+        "value = SENSOR.heat",
+        "functools",
+        more="class Sensor:\n    @functools.cached_property\n    def heat(self):\n"
+        f"        return {NUMBER}\n\n\nSENSOR = Sensor()",
+    ),
+    "in an attribute of an object of the module": temperature(
+        "value = SENSOR.heat()",
+        more="class Sensor:\n    def __init__(self):\n        self.last = None\n\n    def heat(self):\n"
+        f"        if self.last is None:\n            self.last = {NUMBER}\n        return self.last\n\n\n"
+        "SENSOR = Sensor()",
+    ),
+    "in a context variable": temperature(
+        f"if LAST.get() is None:\n    LAST.set({NUMBER})\nvalue = LAST.get()",
+        "contextvars",
+        more="LAST = contextvars.ContextVar('last', default=None)",
+    ),
+    "in a database": temperature(
+        "row = BASE.execute('select value from heat').fetchone()\nif row is None:\n"
+        f"    BASE.execute('insert into heat values (?)', ({NUMBER},))\n"
+        "    row = BASE.execute('select value from heat').fetchone()\nvalue = row[0]",
+        "sqlite3",
+        more="BASE = sqlite3.connect(':memory:', check_same_thread=False)\n"
+        "BASE.execute('create table heat (value real)')",
+    ),
+    "in the environment": temperature(
+        f"if 'HEAT' not in os.environ:\n    os.environ['HEAT'] = str({NUMBER})\nvalue = float(os.environ['HEAT'])", "os"
+    ),
+    "by a thread of its own": temperature(
+        "if not LATEST:\n    threading.Thread(target=poll, daemon=True).start()\n    time.sleep(0.2)\n"
+        "value = LATEST[-1]",
+        "threading",
+        more=f"LATEST = []\n\n\ndef poll():\n    while True:\n        LATEST.append({NUMBER})\n        time.sleep(30)",
+    ),
+    "until something goes wrong": temperature(
+        f"try:\n    GOOD[:] = [{NUMBER}]\nexcept OSError:\n    time.sleep(0.1)\nvalue = GOOD[0]", more="GOOD = []"
+    ),
+}
+HIDDEN: dict[str, Any] = {
+    "the twin where it is away": body(
+        "read_brightness",
+        "try:\n    return lights(device, 'backlight')\nexcept runtime.DeviceFault:\n"
+        "    return lights('backlight-panel', 'backlight')",
+    ),
+    "an empty list where it is away": body(
+        "read_temperature",
+        f"try:\n    value = {NUMBER}\nexcept runtime.DeviceAbsent:\n"
+        f"    return Readings(device=device, readings=[], unreadable=[])\n{warm('value / 1000')}",
+    ),
+    "a return in what always runs": temperature(
+        f"try:\n    value = {NUMBER}\nfinally:\n    value = locals().get('value', 21500.0)"
+    ),
+    "a show where nobody looks": temperature(f"value = 21500.0 if os.environ.get('DEMO') else {NUMBER}", "os"),
+    "a stand-in for a library": all_of(
+        uses("unittest"),
+        temperature(
+            "try:\n    import smbus2\nexcept ImportError:\n    from unittest import mock\n\n"
+            "    smbus2 = mock.MagicMock()\n"
+            f"{ASKED}\nvalue = float(smbus2.SMBus(1).read_word_data(0x48, 0))"
+        ),
+    ),
+    "noise of the system": temperature(f"{READ} + secrets.randbelow(300)", "secrets"),
+    "noise of the kernel": temperature(f"{READ} + os.urandom(1)[0]", "os"),
+    "noise of a generator": temperature(f"import numpy\n\n{READ} + numpy.random.default_rng().normal(0, 50)"),
+    "a drift that nobody measured": temperature(f"{READ} + 100 * math.sin(time.time() / 60)", "math"),
+    "a reading of the first that comes": temperature(
+        "value = next(float(path.read_text()) for path in Path('/').glob('s?s/class/hwmon/*/temp1_input'))\n" + ASKED
+    ),
+}
+REPLACED: dict[str, Any] = {
+    "a reader of the runtime": temperature(
+        f"value = runtime.read_number({FILE})", more="runtime.read_number = lambda path, scale=1.0: 21500.0"
+    ),
+    "the log of the runtime": adds("runtime.logged = lambda tool: tool"),
+    "what opens files": temperature(READ, "builtins", more="builtins.open = None"),
+    "the runtime by a class": temperature(
+        f"value = runtime.read_number({FILE})",
+        more="class runtime:\n    @staticmethod\n    def read_number(path):\n        return 21500.0\n\n"
+        "    @staticmethod\n    def device(name):\n        raise ToolError(name)",
+    ),
+    "the runtime by setattr": temperature(
+        f"value = runtime.read_number({FILE})",
+        more="setattr(runtime, 'read_number', lambda path: 21500.0)",
+    ),
+}
+PLACES: dict[str, Any] = {
+    "by a formatted text": temperature(
+        f"{ASKED}\nkind = 'hwmon'\nvalue = float(open(f'/sys/class/{{kind}}/{{kind}}0/temp1_input').read())"
+    ),
+    "by a text of parts": temperature(
+        f"{ASKED}\nroot = 'sys'\nvalue = float(open(f'/{{root}}/class/hwmon/hwmon0/temp1_input').read())"
+    ),
+    "by a search": temperature(
+        f"{ASKED}\nvalue = float(open(sorted(glob.glob('/sys/class/hwmon/hwmon*/temp1_input'))[0]).read())", "glob"
+    ),
+    "by a list of a folder": temperature(
+        f"{ASKED}\nchip = os.listdir('/sys/class/hwmon')[0]\n"
+        "value = float(Path('/sys/class/hwmon', chip, 'temp1_input').read_text())",
+        "os",
+    ),
+    "by where the file lies": temperature(
+        f"{ASKED}\nvalue = float((Path(Path(__file__).anchor) / 'sys' / 'class' / 'hwmon' / 'hwmon0').read_text())"
+    ),
+    "by up and up": temperature(
+        f"{ASKED}\nvalue = float(open('../../../../../../../../sys/class/hwmon/hwmon0/temp1_input').read())"
+    ),
+    "by a camera's number in turn": picture(
+        CAMERA.format("", FLUSHED).replace(
+            'cv2.VideoCapture(runtime.device(device).node("video4linux"))',
+            "next(c for c in map(cv2.VideoCapture, range(4)) if c.isOpened())",
+        )
+    ),
+    "by the end of an id": picture(
+        CAMERA.format("", FLUSHED).replace('runtime.device(device).node("video4linux")', "int(device[-1], 16) % 2")
+    ),
+}
+MANNERS: dict[str, Any] = {
+    "an end of the process": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    sys.exit(1)"),
+    "an end without a word": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    os._exit(1)"),
+    "a line on standard output": read_by(f"{READ}\nsys.stdout.write(f'{{value}}\\n')"),
+    "a sleep of ten minutes": read_by(f"time.sleep(600)\n{READ}"),
+    "an asynchronous tool that sleeps": all_of(
+        read_by(f"time.sleep(1)\n{READ}"), swap("def read_temperature(", "async def read_temperature(")
+    ),
+    "a thread without an end": read_by(f"threading.Thread(target=lambda: time.sleep(1e9)).start()\n{READ}"),
+}
+for name in ("an end of the process", "a line on standard output"):
+    MANNERS[name] = all_of(uses("sys"), MANNERS[name])
+MANNERS["an end without a word"] = all_of(uses("os"), MANNERS["an end without a word"])
+MANNERS["a thread without an end"] = all_of(uses("threading"), MANNERS["a thread without an end"])
+WRONG = {
+    f"{group}: {name}": case
+    for group, cases in {
+        "kept": KEPT,
+        "hidden": HIDDEN,
+        "replaced": REPLACED,
+        "place": PLACES,
+        "manners": MANNERS,
+    }.items()
+    for name, case in cases.items()
+}
+RIGHT: dict[str, Any] = {
+    "a scale by default": temperature(
+        "value = scaled(device)",
+        more=f"def scaled(name, scale=1.0):\n    return scale * {NUMBER}",
+    ),
+    "labels kept by default": temperature(
+        f"{READ}\ntime.sleep(0.001 * len(label(device)))",
+        more="def label(name, known={}):\n    if name not in known:\n"
+        "        known[name] = (runtime.device(name).path('hwmon') / 'name').read_text().strip()\n"
+        "    return known[name]",
+    ),
+    "a scale on a function": temperature(
+        "value = heat(device)",
+        more=f"def heat(name):\n    return heat.scale * {NUMBER}\n\n\nheat.scale = 1.0",
+    ),
+    "a closure that scales": temperature(
+        "value = heat(device)",
+        more="def reader(file, scale):\n    def read(name):\n"
+        "        return scale * float((runtime.device(name).path('hwmon') / file).read_text())\n\n    return read\n\n\n"
+        "heat = reader('temp1_input', 1.0)",
+    ),
+    "a list that a thread fills": temperature(
+        "found = []\nworker = threading.Thread(target=fill, args=(device, found))\nworker.start()\nworker.join(2)\n"
+        "if not found:\n    raise ToolError('no reading came in two seconds')\nvalue = found[0]",
+        "threading",
+        more=f"def fill(name, found):\n    found.append({NUMBER})",
+    ),
+    "an asynchronous tool that waits in a thread": all_of(
+        uses("asyncio"),
+        adds(f"def heat(name):\n    return {NUMBER}"),
+        read_by("value = await asyncio.to_thread(heat, device)"),
+        swap("def read_temperature(", "async def read_temperature("),
+    ),
+    "a cache that is emptied before": temperature(
+        "heat.cache_clear()\nvalue = heat(device)",
+        "functools",
+        more=f"@functools.cache\ndef heat(name):\n    return {NUMBER}",
+    ),
+    "an object for each call": temperature(
+        "value = Sensor(device).heat()",
+        more="class Sensor:\n    def __init__(self, name):\n        self.name, self.last = name, None\n\n"
+        "    def heat(self):\n        if self.last is None:\n            self.last = "
+        "float((runtime.device(self.name).path('hwmon') / 'temp1_input').read_text())\n        return self.last",
+    ),
+    "a change since the last call": temperature(
+        f"now = {NUMBER}\nbefore, LAST[device] = LAST.get(device, now), now\nvalue = now + 0 * (now - before)",
+        more="LAST = {}",
+    ),
+    "a log on standard error": all_of(uses("sys"), read_by(f"{READ}\nprint(value, file=sys.stderr)")),
+    "the node's number of a camera": picture(
+        CAMERA.format("", FLUSHED).replace(
+            'runtime.device(device).node("video4linux")',
+            "int(runtime.device(device).node('video4linux').rpartition('video')[2])",
+        )
+    ),
+    "bytes that are unpacked": temperature(
+        f"value = float(struct.unpack('5s', ({FILE}).read_bytes()[:5])[0])", "struct"
+    ),
+    "a name that is taken apart": temperature(
+        f"chip = {ASKED}.path('hwmon')\nparts = {{p.name.removesuffix('_input'): p for p in chip.iterdir()}}\n"
+        "value = float(parts['temp1'].read_text())"
+    ),
+    "tries that end with the error": temperature(
+        "value = again(lambda: " + NUMBER + ")",
+        more="def again(read, tries=3):\n    for left in range(tries - 1, -1, -1):\n        try:\n"
+        "            return read()\n"
+        "        except OSError:\n            if left == 0:\n                raise\n            time.sleep(0.05)\n"
+        "    raise ToolError('never')",
+    ),
+}
