@@ -16,7 +16,9 @@ OPERATORS = tuple(_TESTS)
 
 def is_number(value: object) -> bool:
     """Whether it is a finite number; True and False are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return (isinstance(value, int) and not isinstance(value, bool)) or (
+        isinstance(value, float) and math.isfinite(value)
+    )
 
 
 def holds(op: str, wanted: object, value: object) -> bool | None:

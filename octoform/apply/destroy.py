@@ -1,9 +1,8 @@
 """Destroy: node by node, last first, only what octoform itself has made for this host."""
 
-import shutil
-
 from octoform import events
 from octoform.apply.context import Context, Tally
+from octoform.base.files import remove_tree
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.process.estop import is_latched
 from octoform.endpoint.process.systemd import is_ours, unit_path
@@ -89,7 +88,7 @@ def _remove(context: Context, node: str) -> list[Diagnostic]:
         if folder.is_symlink():
             folder.unlink()
         elif folder.exists():
-            shutil.rmtree(folder)
+            remove_tree(folder)
         if folder.parent == layout.steps and layout.steps.is_dir() and not any(layout.steps.iterdir()):
             layout.steps.rmdir()
         if node == "probe":

@@ -7,22 +7,21 @@ reason nothing that is undone is lost: it is kept in the attempt's folder.
 """
 
 import contextlib
+import errno
 import os
 import shutil
 import stat
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from octoform.apply.project_files import MAX_TOLD, at_start, is_entry, listed, listing, names_in
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
 
-MOST_FILES = 5000
-_MAX_TOLD = 20
-_SKIPPED = frozenset((".git", ".octoform", "node_modules"))
-"""Folders that other programs fill all the time."""
-_MARKS = ("pyvenv.cfg", "CACHEDIR.TAG")
-"""Files that say of a folder that a program made it and may make it again: an environment, a cache."""
+NOT_UNDONE = "APPLY-NOT-UNDONE"
+"""The code of a change that stands: no other attempt may begin, since it would be taken for a person's."""
+_MAX_UNDONE = 100
 _HANDLE = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 
 
@@ -30,12 +29,13 @@ _HANDLE = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_NOFOLLOW | 
 class _There:
     """What lies at a path: a plain file with bytes and mode, a link with its target, something else, or what is closed.
 
-    What is closed lies where this user may not look.
+    What is closed lies where this user may not look. ``owner`` is the user and the group of a file.
     """
 
     kind: str
     data: bytes = b""
     mode: int = 0
+    owner: tuple[int, int] = (-1, -1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +84,8 @@ class Watch:
 
     ``real`` are the folders at and above the guarded paths that were no links; every path below ``folders`` that is in
     neither of both was not there. None of ``ways``, which lead to the guarded paths, was a link. ``held`` are the
-    project's folder and those in it that lead there.
+    project's folder and those in it that lead there. ``rights`` are mode, user and group of these folders, and of the
+    home's that lead to a guarded file: whoever may write a folder may replace what is in it.
     """
 
     project: Path
@@ -101,6 +102,7 @@ class Watch:
     noted: Mapping[Path, _There | None]
     ways: frozenset[Path]
     held: tuple[_Held, ...]
+    rights: Mapping[Path, tuple[int, int, int]]
 
 
 def begin(project: Path, wanted: Guarded) -> Watch:
@@ -112,20 +114,42 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     above = {parent for path in guarded for parent in path.parents if parent.is_relative_to(project)}
     within = {path for folder in folders for path in _folders(folder)}
     real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
-    rooms = {room: _names(room) for room in wanted.rooms}
-    starts = {room: _names(room, _at_start) for room in wanted.starts}
-    home = (wanted.home, _names(wanted.home)) if wanted.home else None
-    listing, busy = _listing(project), wanted.spared()
+    rooms = {room: names_in(room) for room in wanted.rooms}
+    starts = {room: names_in(room, at_start) for room in wanted.starts}
+    home = (wanted.home, names_in(wanted.home)) if wanted.home else None
+    seen, busy = listing(project), wanted.spared()
     noted = {path: _look(path) for path in wanted.noted}
     held = _held((project, *sorted(place for place in real if place.parent == project)))
-    kept = (wanted.installed, busy, wanted.spared, starts, noted, _ways(project, wanted, (*guarded, *rooms)), held)
-    return Watch(project, guarded, real, folders, rooms, home, listing, *kept)
+    ways = _ways(project, wanted, (*guarded, *rooms))
+    rights = _rights({project, *real, *_in_home(wanted.home, guarded)})
+    kept = (wanted.installed, busy, wanted.spared, starts, noted, ways, held, rights)
+    return Watch(project, guarded, real, folders, rooms, home, seen, *kept)
 
 
 def _ways(project: Path, wanted: Guarded, paths: Iterable[Path]) -> frozenset[Path]:
     """The places, there or not, that lead to ``paths`` and are no links; not those above a project or a home."""
     above = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
     return frozenset({place for path in paths for place in path.parents if not place.is_symlink()} - above)
+
+
+def _in_home(home: Path | None, paths: Iterable[Path]) -> Iterator[Path]:
+    """The home, and the folders in it that lead to the paths."""
+    if home is not None:
+        yield from (place for path in paths for place in path.parents if place.is_relative_to(home))
+
+
+def _rights(folders: Iterable[Path]) -> dict[Path, tuple[int, int, int]]:
+    found = ((folder, _right(folder)) for folder in folders)
+    return {folder: right for folder, right in found if right is not None}
+
+
+def _right(folder: Path) -> tuple[int, int, int] | None:
+    """Mode, user and group of a folder; None for what is none, or may not be looked at."""
+    try:
+        facts = folder.lstat()
+    except OSError:
+        return None
+    return (stat.S_IMODE(facts.st_mode), facts.st_uid, facts.st_gid) if stat.S_ISDIR(facts.st_mode) else None
 
 
 def _held(folders: Iterable[Path]) -> tuple[_Held, ...]:
@@ -142,23 +166,52 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
     ``undone`` is a folder, made when it is needed, for what the changed files had become.
     """
     watch = replace(watch, busy=(*watch.busy, *watch.spared()))
-    found = [*_moved_back(watch, undone), *_unlinked(watch, undone)]
+    # First what closes the way to the rest; once more for the folders that were put back.
+    found = [*_reopened(watch), *_moved_back(watch, undone), *_reopened(watch), *_unlinked(watch, undone)]
     for path, before in watch.guarded.items():
-        if _look(path) == before or _is_spared(watch, path):
-            continue
-        if path in watch.installed:
-            found.append(_shared(path))
-            continue
-        if before is None and path in watch.folders and path.is_dir() and not path.is_symlink():
-            continue  # a new folder: what is in it goes below
-        kept = _keep(watch, path, undone)
-        _restore(watch, path, before)
-        whole = before is None or before.kind != "other" or path in watch.folders
-        found.append(_touched(watch, path, kept) if whole else _lost(watch, path, "what else lay in it is gone"))
+        with _undoing(watch, path, found):
+            found += _undone(watch, path, before, undone)
     for folder in watch.folders:
         found += _new(watch, folder, undone)
     found += _entered(watch, undone)
     found += _strangers(watch, undone)
+    return found
+
+
+def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> list[Diagnostic]:
+    """Put back what stood at a guarded path."""
+    if _look(path) == before or _is_spared(watch, path):
+        return []
+    if path in watch.installed:
+        return [_shared(path)]
+    if before is None and path in watch.folders and path.is_dir() and not path.is_symlink():
+        return []  # a new folder: what is in it goes below
+    kept = _keep(watch, path, undone)
+    _restore(watch, path, before)
+    whole = before is None or before.kind != "other" or path in watch.folders
+    return [_touched(watch, path, kept) if whole else _lost(watch, path, "what else lay in it is gone")]
+
+
+@contextlib.contextmanager
+def _undoing(watch: Watch, path: Path, found: list[Diagnostic]) -> Iterator[None]:
+    """What the system refuses at one path is told, and keeps nobody from undoing the rest."""
+    try:
+        yield
+    except OSError as problem:
+        found.append(_stands(watch, path, problem))
+
+
+def _reopened(watch: Watch) -> list[Diagnostic]:
+    """Give folders their mode and owner again, the upper ones first."""
+    found: list[Diagnostic] = []
+    for folder, before in sorted(watch.rights.items()):
+        if _right(folder) in (before, None) or _is_spared(watch, folder):
+            continue
+        with _undoing(watch, folder, found):
+            if _right(folder) != before:
+                os.chown(folder, *before[1:], follow_symlinks=False)
+                folder.chmod(before[0])
+            found.append(_touched(watch, folder, None))
     return found
 
 
@@ -173,8 +226,8 @@ def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
         if now is None:
             continue
         kept = _keep(watch, folder.path, undone)
-        _clear(folder.path)
         try:
+            _clear(folder.path)
             now.rename(folder.path)
         except OSError as problem:
             found.append(_lost(watch, folder.path, f"{problem.strerror}: {now}"))
@@ -185,44 +238,71 @@ def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
 
 def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
     """Take away each link that has come into a place that leads to a guarded path, which would then lie elsewhere."""
-    found = []
+    found: list[Diagnostic] = []
     for place in sorted(watch.ways):
-        if place.is_symlink() and not _is_spared(watch, place):
-            found.append(_touched(watch, place, _keep(watch, place, undone)))
-            place.unlink()
-            if place in watch.real:
-                place.mkdir()
+        with _undoing(watch, place, found):
+            if place.is_symlink() and not _is_spared(watch, place):
+                kept = _keep(watch, place, undone)
+                place.unlink()
+                if place in watch.real:
+                    place.mkdir()
+                found.append(_touched(watch, place, kept))
     return found
 
 
 def _entered(watch: Watch, undone: Path) -> list[Diagnostic]:
     """Take away what has come to folders in which files count by their mere presence."""
-    found = []
-    for rooms, counts in ((watch.rooms, _is_entry), (watch.starts, _at_start)):
+    found: list[Diagnostic] = []
+    for rooms, counts in ((watch.rooms, is_entry), (watch.starts, at_start)):
         for room, names in rooms.items():
-            for path in (room / name for name in sorted(_names(room, counts) - names)):
+            for path in (room / name for name in sorted(names_in(room, counts) - names)):
                 if room in watch.installed:
                     found.append(_shared(path))
                 elif not _is_spared(watch, path):
-                    found.append(_touched(watch, path, _keep(watch, path, undone)))
-                    _clear(path)
+                    found += _taken(watch, path, undone)
+    return found
+
+
+def _taken(watch: Watch, path: Path, undone: Path) -> list[Diagnostic]:
+    """Take away whatever stands at a path, and say so."""
+    found: list[Diagnostic] = []
+    with _undoing(watch, path, found):
+        kept = _keep(watch, path, undone)
+        _clear(path)
+        found.append(_touched(watch, path, kept))
     return found
 
 
 def _new(watch: Watch, folder: Path, undone: Path) -> list[Diagnostic]:
     """Take away what was not there before: files, links and whatever else, then the folders that held nothing more."""
-    found = []
+    found: list[Diagnostic] = []
     for path in _files(folder):
         if path not in watch.guarded and not _is_spared(watch, path):
-            kept = _keep(watch, path, undone)
-            path.unlink()
-            found.append(_touched(watch, path, kept))
+            found += _taken(watch, path, undone)
     for path in sorted(_folders(folder), reverse=True):
-        if path not in watch.real and not path.is_symlink() and not _is_spared(watch, path):
-            path.rmdir()
+        if path in watch.real or path.is_symlink() or _is_spared(watch, path):
+            continue
+        with _undoing(watch, path, found):
+            try:
+                path.rmdir()
+            except OSError as problem:
+                if problem.errno != errno.ENOTEMPTY:
+                    raise
+                found += _taken(watch, path, undone)  # what is nested so deep that nobody has looked
+                continue
             if not found:
                 found.append(_touched(watch, path, None))
-    return found
+    return _bounded(found)
+
+
+def _bounded(found: list[Diagnostic]) -> list[Diagnostic]:
+    """What a person reads of thousands of files: the first ones, and the number of the rest."""
+    more = [item for item in found if item.code != NOT_UNDONE][_MAX_UNDONE:]
+    if not more:
+        return found
+    summary = f"{len(more)} more files that are not the agent's own were changed while it ran; the changes were undone"
+    told = error("APPLY-OUTSIDE-WRITE", summary, detail=listed([item.path or "" for item in more]))
+    return [*(item for item in found if item not in more), told]
 
 
 def _is_spared(watch: Watch, path: Path) -> bool:
@@ -254,9 +334,22 @@ def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
             shutil.move(path, copy)
         else:
             files.replace(copy, there.data, 0o644, synced=False)
-    except OSError:
+    except (OSError, RecursionError):
         return None  # the agent has filled the disk or made away with its folder; both are told elsewhere
     return copy
+
+
+def _stands(watch: Watch, path: Path, problem: OSError) -> Diagnostic:
+    how = "`lsattr` shows whether it was made immutable (`chattr -i` ends that)"
+    if problem.errno == errno.EBUSY:
+        how = "`findmnt` shows what was mounted there (`umount` ends that)"
+    return error(
+        NOT_UNDONE,
+        "a file that is not the agent's own was changed while it ran, and the change could not be undone",
+        path=_name(watch.project, path),
+        detail=problem.strerror,
+        hint=f"undo it yourself before you apply again: {how}",
+    )
 
 
 def _touched(watch: Watch, path: Path, kept: Path | None) -> Diagnostic:
@@ -280,29 +373,23 @@ def _lost(watch: Watch, path: Path, detail: str) -> Diagnostic:
 
 
 def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
-    now = _listing(watch.project)
+    now = listing(watch.project)
     new = (path for path, facts in now.items() if watch.seen.get(path) != facts and not path.is_relative_to(undone))
     changed = [path for path, before in watch.noted.items() if _look(path) != before]
     changed += sorted(path for path in new if path not in watch.guarded)
     if watch.home is not None:
         folder, names = watch.home
         above = {place for path in (watch.project, *watch.guarded) for place in (path, *path.parents)}
-        changed += [path for path in (folder / name for name in sorted(_names(folder) - names)) if path not in above]
+        changed += [path for path in (folder / name for name in sorted(names_in(folder) - names)) if path not in above]
     hint = "check if it is yours; an agent that runs in a sandbox cannot write there"
     summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"
     named = [_name(watch.project, path) for path in changed]
-    found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:_MAX_TOLD]]
-    more = named[_MAX_TOLD:]
+    found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:MAX_TOLD]]
+    more = named[MAX_TOLD:]
     if more:
         summary = f"{len(more)} more files outside of the attempt's folder were written; they were left as they are"
-        found.append(warning("APPLY-OUTSIDE-WRITE", summary, detail=_listed(more), hint=hint))
+        found.append(warning("APPLY-OUTSIDE-WRITE", summary, detail=listed(more), hint=hint))
     return found
-
-
-def _listed(names: list[str]) -> str:
-    """Names, as many as a person reads; where there are more, the folders in which they lie."""
-    shown = names if len(names) <= _MAX_TOLD else list(dict.fromkeys(str(Path(name).parent) for name in names))
-    return ", ".join(shown[:_MAX_TOLD]) + (", ..." if len(shown) > _MAX_TOLD else "")
 
 
 def _name(project: Path, path: Path) -> str:
@@ -312,10 +399,13 @@ def _name(project: Path, path: Path) -> str:
 def _look(path: Path) -> _There | None:
     """Never follows a link, and never waits for a pipe that was put in a file's place."""
     try:
-        mode = path.lstat().st_mode
+        facts = path.lstat()
+        mode = facts.st_mode
         if stat.S_ISLNK(mode):
             return _There("link", os.fsencode(path.readlink()))
-        return _There("file", files.read(path), stat.S_IMODE(mode)) if stat.S_ISREG(mode) else _There("other")
+        if not stat.S_ISREG(mode):
+            return _There("other")
+        return _There("file", files.read(path), stat.S_IMODE(mode), (facts.st_uid, facts.st_gid))
     except (FileNotFoundError, NotADirectoryError):
         return None
     except OSError:  # closed to this user, or larger than anything that is read as instruction
@@ -338,13 +428,15 @@ def _restore(watch: Watch, path: Path, before: _There | None) -> None:
         path.symlink_to(os.fsdecode(before.data))
         return
     files.replace(path, before.data, before.mode)
+    with contextlib.suppress(PermissionError):  # an ordinary user's file was and is that user's
+        os.chown(path, *before.owner)
     path.chmod(before.mode)
 
 
 def _clear(path: Path) -> None:
     there = _look(path)
     if there is not None and there.kind == "other" and path.is_dir():
-        shutil.rmtree(path)
+        files.remove_tree(path)
     elif there is not None:
         path.unlink()
 
@@ -352,66 +444,12 @@ def _clear(path: Path) -> None:
 def _files(folder: Path) -> list[Path]:
     """All that lies below a folder and is none itself; a link to a folder is a link."""
     found = []
-    for root, folders, names in os.walk(folder):
-        links = (name for name in folders if (Path(root) / name).is_symlink())
-        found += [Path(root) / name for name in (*names, *links)]
+    for root, folders, names in files.walk(folder):
+        links = (name for name in folders if (root / name).is_symlink())
+        found += [root / name for name in (*names, *links)]
     return sorted(found)
 
 
 def _folders(folder: Path) -> list[Path]:
     """The folder and all folders below it."""
-    return [Path(root) for root, _, _ in os.walk(folder)]
-
-
-def _at_start(name: str) -> bool:
-    """Whether an interpreter runs a file of that name among its packages before anything else (site, Python docs)."""
-    return name.endswith(".pth") or name in ("sitecustomize.py", "usercustomize.py")
-
-
-def _is_entry(name: str) -> bool:
-    return name != "__pycache__"
-
-
-def _names(room: Path, counts: Callable[[str], bool] = _is_entry) -> frozenset[str]:
-    try:
-        return frozenset(path.name for path in room.iterdir() if counts(path.name))
-    except OSError:
-        return frozenset()
-
-
-def _own_streams() -> set[tuple[int, int]]:
-    """Where octoform itself prints: a person may have sent that into a file of the project."""
-    found = set()
-    for number in (1, 2):
-        try:
-            facts = os.fstat(number)
-        except OSError:
-            continue  # closed
-        found.add((facts.st_dev, facts.st_ino))
-    return found
-
-
-def _listing(project: Path) -> dict[Path, tuple[int, int]]:
-    """Size and time of the project's files, bounded; of what programs fill themselves only that the folder is there."""
-    found: dict[Path, tuple[int, int]] = {}
-    own = _own_streams()
-    for root, folders, names in os.walk(project):
-        place = Path(root)
-        whole = [name for name in folders if (place / name).is_symlink() or _is_filled(place / name)]
-        folders[:] = sorted(name for name in folders if name not in whole and name != "__pycache__")
-        for path in (place / name for name in (*names, *whole)):
-            if len(found) >= MOST_FILES:
-                return found
-            try:
-                facts = path.lstat()
-            except FileNotFoundError:  # gone since the folder was read: nothing to compare
-                continue
-            if stat.S_ISDIR(facts.st_mode):
-                found[path] = (0, 0)
-            elif (facts.st_dev, facts.st_ino) not in own:
-                found[path] = (facts.st_size, facts.st_mtime_ns)
-    return found
-
-
-def _is_filled(folder: Path) -> bool:
-    return folder.name in _SKIPPED or any((folder / mark).exists() for mark in _MARKS)
+    return [root for root, _, _ in files.walk(folder)]

@@ -11,12 +11,13 @@ import sys
 import sysconfig
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
+from itertools import chain, islice
 from pathlib import Path
 
 import octoform
 from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
-from octoform.base.files import opened, read
+from octoform.base.files import opened, read, walk
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.access.tokens import RECORD as TOKENS
@@ -47,9 +48,11 @@ from octoform.state.store.lock import is_locked
 # not there before has to be gone again.
 
 SERVED = (LAUNCHER, CONNECTION, SERVE_SCRIPT, MANIFEST, POLICY)
-_GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap")
+_GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap", ".lfsconfig", ".pre-commit-config.yaml")
 _PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
 _OF_A_TREE = ("config.worktree", "commondir", "gitdir")
+_NOTED_OF_A_TREE = ("rebase-merge/git-rebase-todo", "rebase-apply/patch", "sequencer/todo")
+"""What `git rebase --continue` would run: a person may be in the middle of one, so it is told and left."""
 _ALTERNATES = ("objects/info/alternates", "objects/info/http-alternates")
 _OF_A_REPOSITORY = (*_OF_A_TREE, *_ALTERNATES, "config", "shallow")
 _FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace", "branches", "remotes")
@@ -61,15 +64,22 @@ _OF_A_LOGIN = (
     *(".bash_aliases", ".inputrc", ".xinitrc", ".xsessionrc", ".config/direnv/direnvrc", ".tmux.conf", ".screenrc"),
     *(".ssh/authorized_keys", ".ssh/authorized_keys2", ".ssh/config", ".ssh/rc", ".shosts", ".rhosts", ".k5login"),
     *(".vimrc", ".exrc", ".gdbinit", ".config/nvim/init.lua", ".config/nvim/init.vim", ".npmrc"),
+    *(".vim/vimrc", ".emacs", ".emacs.d/init.el", ".emacs.d/early-init.el", ".config/emacs/init.el", ".zlogout"),
+    *(".bash_completion", ".lessfilter", ".pdbrc", ".lldbinit", ".config/gdb/gdbinit", ".curlrc", ".wgetrc"),
+    *(".cargo/config.toml", ".config/mise/config.toml"),
     *(".config/tmux/tmux.conf", ".ssh/environment", ".gnupg/gpg.conf", ".gnupg/gpg-agent.conf"),
     *(".claude/CLAUDE.md", ".codex/AGENTS.md", ".codex/AGENTS.override.md", ".config/opencode/AGENTS.md"),
     *(".gemini/GEMINI.md", ".qwen/QWEN.md", ".pi/agent/AGENTS.md"),
 )
 """What runs, lets somebody in, or gives an agent orders, when a person logs in and works. Not what programs rewrite."""
+_OF_ZSH = (".zshenv", ".zprofile", ".zshrc", ".zlogin", ".zlogout")
 _FOLDERS_OF_A_LOGIN = (
     *(".config/autostart", ".config/fish/conf.d", ".config/fish/functions", ".config/systemd/user"),
     *(".local/share/systemd/user", ".local/share/dbus-1/services", ".config/plasma-workspace/env"),
     *(".ipython/profile_default/startup", ".oh-my-zsh/custom"),
+    *(".ssh/config.d", ".bashrc.d", ".profile.d", ".zshrc.d", ".config/fish/completions"),
+    *(".vim/plugin", ".vim/after", ".vim/autoload", ".config/nvim/plugin", ".config/nvim/after", ".config/nvim/lua"),
+    ".local/share/bash-completion/completions",
     *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),
     *(".codex/prompts", ".codex/skills", ".gemini/commands", ".qwen/commands", ".pi/agent/extensions"),
     *(f".config/opencode/{name}" for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "tools")),
@@ -89,7 +99,14 @@ _MINORS = range(8, 20)
 _AGENTS = (
     *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
     *("opencode.json", "opencode.jsonc", ".envrc", ".cursorrules", ".windsurfrules", ".goosehints", ".aider.conf.yml"),
-    *(".github/copilot-instructions.md", ".cursor/mcp.json", ".vscode/mcp.json", ".vscode/tasks.json", ".roo/mcp.json"),
+    *(
+        ".github/copilot-instructions.md",
+        ".cursor/hooks.json",
+        ".cursor/mcp.json",
+        ".vscode/mcp.json",
+        ".vscode/tasks.json",
+        ".roo/mcp.json",
+    ),
     *(".vscode/launch.json", ".devcontainer.json", ".devcontainer/devcontainer.json", ".zed/tasks.json"),
     *(f".claude/{name}" for name in ("CLAUDE.md", "settings.json", "settings.local.json")),
     *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
@@ -103,10 +120,21 @@ _FOLDERS_OF_AGENTS = (
         for name in ("agent", "agents", "command", "commands", "plugin", "plugins", "skills", "tools")
     ),
     *(".cursor/rules", ".clinerules", ".github/instructions", ".windsurf/rules", ".amazonq/rules", ".kiro/steering"),
-    *(".continue/rules", ".junie"),
+    *(".continue/rules", ".junie", ".cursor/commands", ".github/workflows", ".github/prompts", ".github/agents"),
+    *(".roo/rules", ".roo/commands", ".kiro/hooks", ".kiro/settings", ".claude/output-styles", ".claude/plugins"),
     *(".agents", ".gemini/commands", ".gemini/extensions", ".qwen/commands", ".pi/extensions", ".pi/skills"),
 )
 _STARTS = ("pyvenv.cfg", "pip.conf")
+_VARIABLES = (
+    *("PIP_CONFIG_FILE", "PIP_CONSTRAINT", "PIP_CERT", "UV_CONFIG_FILE", "UV_CONSTRAINT", "UV_OVERRIDE", "UV_ENV_FILE"),
+    *("NPM_CONFIG_USERCONFIG", "npm_config_userconfig", "NPM_CONFIG_GLOBALCONFIG", "npm_config_globalconfig"),
+    *("SSL_CERT_FILE", "REQUESTS_CA_BUNDLE", "CURL_CA_BUNDLE", "NODE_EXTRA_CA_CERTS", "GIT_SSL_CAINFO"),
+    *("BASH_ENV", "ENV", "INPUTRC", "PYTHONSTARTUP"),
+)
+"""Each names a file that the package tools go by, or that a shell or an interpreter of the person starts with."""
+_MOST_LINKED = 1000
+"""Entries of a folder that a link leads to; a larger one is no folder of instructions."""
+_MOST_HOPS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +154,11 @@ def sources(context: Context) -> Places:
     written += [spec.schema for spec in context.specs.values() if spec.schema is not None]
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
-    folders += [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
-    folders += [project / name for name in _FOLDERS_OF_AGENTS]
+    theirs = [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
+    theirs += [project / name for name in _FOLDERS_OF_AGENTS]
+    led = [place for path in (*files, *theirs) for place in _led_to(path, (project, home(context.environ)))]
+    files += [place for place in led if not place.is_dir()]
+    folders += [*theirs, *(place for place in led if place.is_dir())]
     rooms = [project / ".octoform"]
     if _daemon(layout) is not None:  # it keeps its agents' folders there as well
         rooms.append(layout.attempts)
@@ -145,6 +176,29 @@ def sources(context: Context) -> Places:
         folders += of_git.folders
         rooms += of_git.rooms
     return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
+
+
+def _led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
+    """What the links at a path, and those in a folder there, lead to: many people keep such files in a repository.
+
+    Not a folder that holds one of ``whole``, nor one that is too large.
+    """
+    found = [path] if path.is_symlink() else []
+    if path.is_dir():
+        found += [place / name for place, *names in walk(path) for name in chain(*names) if (place / name).is_symlink()]
+    for link in found:
+        for _ in range(_MOST_HOPS):
+            link = Path(os.path.normpath(link.parent / link.readlink()))
+            if any(each.is_relative_to(link) for each in whole) or _is_large(link):
+                break
+            yield link
+            if not link.is_symlink():
+                break
+
+
+def _is_large(folder: Path) -> bool:
+    entries = (name for _, folders, names in walk(folder) for name in (*folders, *names))
+    return next(islice(entries, _MOST_LINKED, None), None) is not None
 
 
 def home(environ: Mapping[str, str]) -> Path:
@@ -185,9 +239,9 @@ def _git(folder: Path) -> Places:
 def _modules(folder: Path) -> list[Path]:
     """The repositories of submodules, whose names may have slashes."""
     found = []
-    for root, folders, names in os.walk(folder):
+    for root, folders, names in walk(folder):
         if "config" in names or "HEAD" in names:
-            found.append(Path(root))
+            found.append(root)
             folders[:] = [name for name in folders if name == "modules"]
     return found
 
@@ -242,6 +296,8 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
     yield from _shadows(environ)
     yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
     yield from (config / name for name in _OF_A_PERSON)
+    yield from (layout.project / environ[name] for name in _VARIABLES if environ.get(name))
+    yield from (Path(environ["ZDOTDIR"]) / name for name in _OF_ZSH if environ.get("ZDOTDIR"))
     yield from (unit_path(layout, environ), watch_path(layout, environ))
     yield from configuration_files(layout.project)
 
@@ -362,7 +418,9 @@ def _begun(
     context: Context, files: Iterable[Path], folders: Iterable[Path], rooms: Iterable[Path]
 ) -> file_integrity.Watch:
     project, own = context.layout.project, context.layout.host
-    noted = (home(context.environ) / name for name in _NOTED_OF_A_LOGIN)
+    noted = [home(context.environ) / name for name in _NOTED_OF_A_LOGIN]
+    found = repository(project)
+    noted += [found.folder / name for name in _NOTED_OF_A_TREE] if found is not None else []
     tokens = (each.run / TOKENS for each in (context.layout, *_others(context.layout)))
     started = of_octoform()
     installed = _installed(context) | {*started.files, *started.rooms}

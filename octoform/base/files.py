@@ -23,11 +23,18 @@ MAX_BYTES = 64 * 1024 * 1024
 """More than any file that octoform writes for itself to read again."""
 MAX_DEPTH = 128
 """Levels of nested arrays and objects; nothing that octoform writes comes near, and Python's own stack holds more."""
+DEEPEST = 64
+"""Levels of folders that `walk` looks into; nothing that octoform or a person writes comes near."""
+_LONGEST = 3800
+"""Bytes of a path below which another name fits (PATH_MAX, limits.h)."""
 TEMPORARY = ".octoform-tmp"
 """Ends the name of a file that is being written."""
 _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
+_FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _BLOCK = 1 << 20
+_LONG = re.compile(rb"[0-9]{309}")
+"""A number that no float holds has at least so many digits, unless it has an exponent."""
 _IRREGULAR = "it is no regular file"
 _UNFIT = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")
 """Escapes of characters that no file name and no output can hold; a pair of surrogates is one character, and fits."""
@@ -105,6 +112,101 @@ def private_folder(path: Path) -> Path:
     for each in reversed([*missing]):
         each.mkdir(mode=0o700, exist_ok=True)
     return path
+
+
+def walk(top: Path, deepest: int = DEEPEST) -> Iterator[tuple[Path, list[str], list[str]]]:
+    """Each folder from ``top`` on, the upper ones first, with the names of its folders and of all else in it.
+
+    As `os.walk`, but without recursion, so that folders nested thousands of levels deep end nobody: what lies below
+    ``deepest`` levels, or too deep for a path, is not looked at. What is taken out of the list of folders is not
+    entered, and neither is a link to one; a folder that is closed has nothing in it.
+    """
+    pending = [(top, 0)]
+    while pending:
+        place, level = pending.pop()
+        folders: list[str] = []
+        names: list[str] = []
+        try:
+            with os.scandir(place) as entries:
+                for entry in entries:
+                    (folders if _leads_to_folder(entry) else names).append(entry.name)
+        except (FileNotFoundError, NotADirectoryError):
+            continue
+        except OSError:
+            pass  # it is there, and closed
+        yield place, folders, names
+        below = (place / name for name in reversed(folders)) if level < deepest else ()
+        pending += [(each, level + 1) for each in below if len(os.fsencode(each)) < _LONGEST and not each.is_symlink()]
+
+
+def _leads_to_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link that leads nowhere anybody may look
+        return False
+
+
+def remove_tree(top: Path) -> None:
+    """Remove a folder with all that is in it, however deep; what cannot be removed stays.
+
+    The first refusal is raised (OSError) once all else is gone. A folder within is moved to the top before it is
+    emptied, so no path grows long and none is followed twice; one that its owner has closed is opened.
+    """
+    problems: list[OSError] = []
+    handle = os.open(top, _FOLDER)
+    try:
+        pending = [*_unlinked(handle, problems)]
+        while pending:
+            name = pending.pop()
+            with _noted(problems):
+                pending += _emptied(handle, name, problems)
+    finally:
+        os.close(handle)
+    with _noted(problems):
+        top.rmdir()
+    if problems:
+        raise problems[0]
+
+
+def _emptied(top: int, name: str, problems: list[OSError]) -> list[str]:
+    """Remove a folder below ``top``; the new names there of the folders that were in it."""
+    with contextlib.suppress(OSError):
+        os.chmod(name, 0o700, dir_fd=top)
+    inner = os.open(name, _FOLDER, dir_fd=top)
+    moved: list[str] = []
+    try:
+        for each in _unlinked(inner, problems):
+            with contextlib.suppress(OSError):  # a folder that is closed to its owner cannot be moved
+                os.chmod(each, 0o700, dir_fd=inner)
+            with _noted(problems):
+                fresh = f".{os.urandom(6).hex()}{TEMPORARY}"
+                os.rename(each, fresh, src_dir_fd=inner, dst_dir_fd=top)
+                moved.append(fresh)
+    finally:
+        os.close(inner)
+    with _noted(problems):
+        os.rmdir(name, dir_fd=top)
+    return moved
+
+
+def _unlinked(handle: int, problems: list[OSError]) -> list[str]:
+    """Remove all that is no folder; the names of the folders."""
+    folders = []
+    for name in os.listdir(handle):
+        with _noted(problems):
+            if stat.S_ISDIR(os.stat(name, dir_fd=handle, follow_symlinks=False).st_mode):
+                folders.append(name)
+            else:
+                os.unlink(name, dir_fd=handle)
+    return folders
+
+
+@contextlib.contextmanager
+def _noted(problems: list[OSError]) -> Iterator[None]:
+    try:
+        yield
+    except OSError as problem:
+        problems.append(problem)
 
 
 def write_all(descriptor: int, data: bytes) -> None:
@@ -218,7 +320,7 @@ def read_json(path: Path, limit: int = MAX_BYTES, *, follow: bool = True, any_te
 def parse(data: bytes | str, *, any_text: bool = True) -> Any:
     """The JSON document in UTF-8; ValueError, and nothing else, for everything that is none or that could harm.
 
-    Refused: more than ``MAX_DEPTH`` levels, and numbers that are not finite; characters as `read_json`.
+    Refused: more than ``MAX_DEPTH`` levels, and numbers that are not finite as a float; characters as `read_json`.
     """
     raw = data if isinstance(data, bytes) else data.encode("utf-8", "surrogatepass")
     try:
@@ -226,6 +328,7 @@ def parse(data: bytes | str, *, any_text: bool = True) -> Any:
             raw.decode("utf-8", "surrogatepass" if any_text else "strict"),
             parse_constant=_not_finite,
             parse_float=_finite,
+            parse_int=_finite_whole if _LONG.search(raw) else None,
         )
     except RecursionError:
         raise _too_deep() from None
@@ -292,6 +395,16 @@ def _printable(value: Any) -> None:
 def _finite(text: str) -> float:
     value = float(text)
     return value if math.isfinite(value) else _not_finite(text)
+
+
+def _finite_whole(text: str) -> int:
+    """A whole number that arithmetic with others can take (float, and with it `math.isfinite`, has no larger one)."""
+    value = int(text)
+    try:
+        float(value)
+    except OverflowError:
+        _not_finite(text)
+    return value
 
 
 def _not_finite(text: str) -> float:

@@ -4,6 +4,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
+from octoform.base.escaping import escape_of
+
 
 class Severity(StrEnum):
     """An error stops the operation; a warning is shown and does not."""
@@ -43,12 +45,24 @@ class Diagnostic:
 
 def error(code: str, summary: str, **where: object) -> Diagnostic:
     """An error diagnostic; keywords are the optional fields of `Diagnostic`."""
-    return Diagnostic(Severity.ERROR, code, summary, **where)  # type: ignore[arg-type]
+    return _made(Severity.ERROR, code, summary, where)
 
 
 def warning(code: str, summary: str, **where: object) -> Diagnostic:
     """A warning diagnostic; keywords are the optional fields of `Diagnostic`."""
-    return Diagnostic(Severity.WARNING, code, summary, **where)  # type: ignore[arg-type]
+    return _made(Severity.WARNING, code, summary, where)
+
+
+def _made(severity: Severity, code: str, summary: str, where: Mapping[str, object]) -> Diagnostic:
+    """With names of files that are no text (surrogateescape, PEP 383) as text, which every output can hold."""
+    told = {name: _text(value) if isinstance(value, str) else value for name, value in where.items()}
+    return Diagnostic(severity, code, _text(summary), **told)  # type: ignore[arg-type]
+
+
+def _text(text: str) -> str:
+    if text.isascii():
+        return text
+    return "".join(escape_of(letter) if "\ud800" <= letter <= "\udfff" else letter for letter in text)
 
 
 def as_warning(item: Diagnostic) -> Diagnostic:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.digest import of_bytes, of_value
-from octoform.base.files import read, read_json, record
+from octoform.base.files import read, read_json, record, walk
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import Layout
@@ -55,10 +55,10 @@ def files_below(folder: Path) -> dict[str, str]:
     The digest is empty where a file cannot be read: an editor leaves links there that lead nowhere.
     """
     entries = {}
-    for root, folders, names in os.walk(folder):
+    for root, folders, names in walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
-            path = Path(root, name)
+            path = root / name
             entries[path.relative_to(folder).as_posix()] = file_digest(path) or ""
     return entries
 

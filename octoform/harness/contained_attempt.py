@@ -5,7 +5,6 @@ hold for any agent stands here once.
 """
 
 import json
-import math
 import os
 import shutil
 import signal
@@ -55,7 +54,7 @@ def _count(value: object) -> int | None:
 def _money(value: object) -> float | None:
     if isinstance(value, bool) or not isinstance(value, int | float):
         return None
-    return float(value) if math.isfinite(value) and 0 <= value < 1e9 else None
+    return float(value) if 0 <= value < 1e9 else None
 
 
 REASONS = {"wall": ExitReason.TIMEOUT, "not_started": ExitReason.NOT_INSTALLED, "ended": ExitReason.FINISHED}

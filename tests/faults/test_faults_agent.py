@@ -68,3 +68,14 @@ def test_an_agent_that_replaces_its_spec_by_something_else_hangs_and_misleads_no
     second = (project.attempts("probe")[1] / "spec.md").read_text()
     assert second.startswith("---\nstage: probe")
     assert foreign.read_text() == "nothing of yours\n"
+
+
+HUGE = "1" + "0" * 400
+"""A whole number of JSON that no float holds."""
+
+
+def test_a_cost_that_no_float_holds_is_no_cost(project: Project) -> None:
+    usage = f'{{"input_tokens": 5, "output_tokens": 7, "cost_usd": {HUGE}}}'
+    project.script = {"probe": [{"shell": f"echo '{usage}' > usage.json", "copy": str(GOOD_PROBE)}]}
+    project.apply("-target", "probe", status=0)
+    assert project.nodes()["probe"]["usage"].get("cost_usd") is None

@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from ordinary import OPEN_PYTHON, POSSIBLE, User, ordinary_user
 from projects import AGENT, OCTOFORM, Project
 
 import octoform
+from octoform.base.files import remove_tree
 
 PLANTS = {
     "protocol/serve.md": "mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
@@ -111,6 +113,15 @@ PLANTS = {
     "{home}/.gitconfig": "git config --file {home}/.gitconfig core.fsmonitor 'touch {mark}; false'",
     "{home}/.config/git/attributes": "mkdir -p {home}/.config/git; echo '* filter=x' > {home}/.config/git/attributes",
     "{home}/.config/uv/uv.toml": "mkdir -p {home}/.config/uv; echo '' > {home}/.config/uv/uv.toml",
+    "{home}/dotfiles/profile": "echo 'touch {mark}' >> {home}/dotfiles/profile",
+    "{home}/dotfiles/skills/arm/SKILL.md": "echo planted > {home}/dotfiles/skills/arm/SKILL.md",
+    "{home}/package-index": "echo '[global]' > {home}/package-index",
+    "{home}/.ssh/config.d/x": "mkdir -p {home}/.ssh/config.d; echo 'Host *' > {home}/.ssh/config.d/x",
+    "{home}/.vim/plugin/x.vim": "mkdir -p {home}/.vim/plugin; echo x > {home}/.vim/plugin/x.vim",
+    "{home}/.local/share/bash-completion/completions/git": "d={home}/.local/share/bash-completion/completions; "
+    "mkdir -p $d; echo 'touch {mark}' > $d/git",
+    ".github/workflows/x.yml": "mkdir -p {project}/.github/workflows; echo x > {project}/.github/workflows/x.yml",
+    ".pre-commit-config.yaml": "echo 'repos: []' > {project}/.pre-commit-config.yaml",
     "{home}/.config/systemd/user/octoform-bench.service": "mkdir -p {home}/.config/systemd/user; "
     "echo '[Service]' > {home}/.config/systemd/user/octoform-bench.service",
 }
@@ -141,6 +152,13 @@ class Attacked:
         project.environ = {"HOME": str(home), "PATH": f"{home}/bin:{os.environ['PATH']}"}
         project.prefix = list(prefix)
         project.write()
+        # What many people keep in a repository of their own, and where variables lead.
+        (home / "dotfiles" / "skills" / "arm").mkdir(parents=True)
+        (home / ".claude" / "skills").mkdir(parents=True)
+        (home / "dotfiles" / "profile").write_text("umask 022\n")
+        (home / ".profile").symlink_to("dotfiles/profile")
+        (home / ".claude" / "skills" / "arm").symlink_to("../../dotfiles/skills/arm")
+        project.environ["PIP_CONFIG_FILE"] = str(home / "package-index")
         subprocess.run(["git", "init", "-q", str(project.folder)], check=True)
         (project.folder / ".git" / "hooks" / "update").write_text("#!/bin/sh\n")
         (project.folder / ".git" / "hooks" / "update").chmod(0o755)
@@ -216,6 +234,133 @@ def test_every_planted_instruction_is_taken_away_and_told(attacked: Attacked) ->
 @pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
 def test_the_same_as_an_ordinary_user(user: User) -> None:
     attack(of_user(user))
+
+
+RIGHTS = {
+    "state": "mkdir -p {project}/state; chmod 777 {project}/state",
+    ".git": "chmod 0 {project}/.git",
+    "{home}/.claude/skills": "chmod 1777 {home}/.claude/skills",
+    "{home}": "chmod 777 {home}",
+}
+
+
+def reopened(attacked: Attacked) -> None:
+    """Whoever may write a folder may replace what is in it, and what is closed hides a change."""
+    project = attacked.project
+    project.apply("-target", "probe", status=0)
+    places = [project.folder / attacked.words(name) for name in RIGHTS]
+    before = [place.stat().st_mode for place in places]
+    planted = f"echo planted > {project.folder}/.git/hooks/pre-push; "
+    acts = "; ".join(attacked.words(text) for text in RIGHTS.values())
+    project.script = {"probe": [{"shell": planted + acts}, "good"]}
+    project.apply("-replace", "probe", "-target", "probe", status=0)
+    assert refused_paths(attacked, -2) >= {attacked.words(name) for name in (*RIGHTS, ".git/hooks/pre-push")}
+    assert [place.stat().st_mode for place in places] == before
+    assert not (project.folder / ".git" / "hooks" / "pre-push").exists()
+
+
+def test_folders_that_an_agent_opens_to_all_or_closes_are_as_they_were(attacked: Attacked) -> None:
+    reopened(attacked)
+
+
+@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
+def test_folders_are_as_they_were_for_an_ordinary_user(user: User) -> None:
+    reopened(of_user(user))
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
+def test_a_file_that_an_agent_gives_away_is_its_owners_again(attacked: Attacked) -> None:
+    project = attacked.project
+    project.script = {"probe": [{"shell": f"chown 61234:61234 {project.folder}/octopus.yaml"}, "good"]}
+    project.apply("-target", "probe", status=0)
+    assert "octopus.yaml" in refused_paths(attacked, 0)
+    facts = (project.folder / "octopus.yaml").stat()
+    assert (facts.st_uid, facts.st_gid) == (os.geteuid(), os.getegid())
+
+
+NEST = "import os; os.makedirs('{0}', exist_ok=True); os.chdir('{0}'); "
+NEST += "[(os.mkdir('d'), os.chdir('d')) for _ in range(1500)]; open('x.md', 'w').close()"
+NESTS = (
+    "home/own",
+    "own",
+    "{project}/protocol",
+    "{project}/notes",
+    "{project}/.octoform/other",
+    "{project}/.git/modules/x",
+)
+
+
+@pytest.mark.parametrize("place", NESTS)
+def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attempt(
+    attacked: Attacked, place: str
+) -> None:
+    """Deeper than Python's stack and longer than a path may be; and what was planted beside goes all the same."""
+    project = attacked.project
+    nest = f'{sys.executable} -c "{NEST.format(attacked.words(place))}"'
+    plant = f"mkdir -p {project.folder}/profiles; echo planted > {project.folder}/profiles/x.md"
+    try:
+        project.script = {"probe": [{"shell": f"{nest}; {plant}"}, "good"]}
+        project.write()
+        done = project.run("apply", "-auto-approve", "-target", "probe", status=0)
+        assert "SYSTEM-REFUSED" not in done.text
+        assert "profiles/x.md" in refused_paths(attacked, 0)
+        assert not (project.folder / "profiles").exists() and not (project.folder / "protocol").exists()
+        if place.startswith("{project}/.") or "protocol" in place:
+            assert os.path.normpath(place.removeprefix("{project}/")) in " ".join(refused_paths(attacked, 0))
+    finally:
+        remove_tree(project.folder)  # whoever clears up after the tests has a stack that ends
+
+
+BARS = {
+    "immutable": ("chattr +i {0}/octopus.yaml", "chattr -i {0}/octopus.yaml", "octopus.yaml", "chattr -i"),
+    "mounted over": (
+        "mkdir -p {0}/protocol; mount -t tmpfs none {0}/protocol",
+        "umount {0}/protocol",
+        "protocol",
+        "umount",
+    ),
+}
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can do that")
+@pytest.mark.parametrize("bar", BARS)
+def test_what_cannot_be_undone_ends_the_stage_and_all_else_is_undone(attacked: Attacked, bar: str) -> None:
+    """The next attempt would take what stands there for a person's."""
+    act, mend, name, how = (text.format(attacked.project.folder) for text in BARS[bar])
+    project = attacked.project
+    plant = f"echo '# planted' >> {project.folder}/octopus.yaml; mkdir -p {project.folder}/state/other; "
+    plant += f"echo '{{}}' > {project.folder}/state/other/state.json"
+    project.script = {"probe": [{"shell": f"{plant}; {act} || touch {attacked.mark}"}, "good"]}
+    project.write()
+    try:
+        done = project.run("apply", "-auto-approve", "-target", "probe")
+    finally:
+        subprocess.run(mend, shell=True, check=False, stderr=subprocess.DEVNULL)
+    if attacked.mark.exists():
+        pytest.skip("this file system or this container does not allow it")
+    assert done.status == 1 and "APPLY-NOT-UNDONE" in done.text and how in done.text, done.text
+    assert len(project.attempts("probe")) == 1 and f"--> {name}" in done.text
+    assert not (project.folder / "state" / "other").exists()
+
+
+def test_a_name_that_is_no_text_is_told_and_taken_away(attacked: Attacked) -> None:
+    project = attacked.project
+    odd = r"$(printf 'x\377\033[31m\342\200\256.md')"
+    plant = f'touch "{odd}"; mkdir -p {project.folder}/protocol; echo planted > "{project.folder}/protocol/{odd}"'
+    project.script = {"probe": [{"shell": plant}, "good"]}
+    done = project.apply("-target", "probe", status=0)
+    assert any(path.startswith("protocol/x\\xff") for path in refused_paths(attacked, 0)) and "\x1b" not in done.text
+    assert not (project.folder / "protocol").exists()
+
+
+def test_the_steps_of_a_rebase_that_an_agent_begins_are_told(attacked: Attacked) -> None:
+    """`git rebase --continue` would run them; a person may be in the middle of one, so they stay."""
+    project = attacked.project
+    todo = ".git/rebase-merge/git-rebase-todo"
+    plant = f"mkdir -p {project.folder}/.git/rebase-merge; echo 'exec touch {attacked.mark}' > {project.folder}/{todo}"
+    project.script = {"probe": [{"shell": plant}, "good"]}
+    project.write()
+    assert f"--> {todo}" in project.run("apply", "-auto-approve", "-target", "probe", status=0).text
 
 
 MOVES = {

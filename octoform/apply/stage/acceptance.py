@@ -5,7 +5,6 @@ an environment of its own declared packages, DEPLOY is started and called. Nothi
 """
 
 import errno
-import shutil
 import stat
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -149,7 +148,7 @@ def fresh(folder: Path) -> Path:
 def cleared(path: Path) -> Path:
     """Nothing is there any more."""
     if path.is_dir() and not path.is_symlink():
-        shutil.rmtree(path)
+        files.remove_tree(path)
     else:
         path.unlink(missing_ok=True)
     return path

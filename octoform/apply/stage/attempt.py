@@ -7,7 +7,6 @@ its log, and its copy of the spec where it was asked to correct that).
 
 import json
 import re
-import shutil
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
@@ -284,7 +283,7 @@ def _folder(context: Context, stage: str, number: int) -> Path:
     private_folder(context.layout.attempts)
     present = folders(context.layout)
     for path in present[: max(0, len(present) - KEEP)]:
-        shutil.rmtree(path)
+        files.remove_tree(path)
     latest = int(present[-1].name.partition("-")[0]) if present else 0
     folder = context.layout.attempts / f"{latest + 1:06d}-{stage}-{number}"
     folder.mkdir(mode=0o700)

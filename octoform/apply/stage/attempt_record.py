@@ -13,6 +13,8 @@ from octoform.apply.stage.attempt import FORMER, PROGRAM, SAID, Prepared, SoFar
 from octoform.apply.stage.spec_copy import Edit
 from octoform.base.clock import stamp
 from octoform.base.digest import of_large_file
+from octoform.base.escaping import escaped
+from octoform.base.files import walk
 from octoform.diagnostics import Diagnostic, to_json
 from octoform.harness.contained_attempt import read_usage
 from octoform.harness.containment import agent_environment
@@ -143,17 +145,15 @@ def state_usage(usage: Usage) -> model.Usage:
 def written_files(workdir: Path) -> list[str]:
     """The files that the agent left in its folder, relative, sorted, bounded; links are named and not followed."""
     found: list[str] = []
-    pending = [workdir]
-    while pending and len(found) < MOST_FILES:
-        folder = pending.pop()
-        for path in sorted(folder.iterdir()) if folder.is_dir() else ():
-            if folder == workdir and path.name in OURS:
-                continue
-            if path.is_dir() and not path.is_symlink():
-                pending.append(path)
-            else:
-                found.append(path.relative_to(workdir).as_posix())
-    return sorted(found[:MOST_FILES])
+    for place, folders, names in walk(workdir):
+        own = OURS if place == workdir else frozenset[str]()
+        folders[:] = sorted(name for name in folders if name not in own)
+        links = (name for name in folders if (place / name).is_symlink())
+        kept = sorted(name for name in (*names, *links) if name not in own)
+        found += [(place / name).relative_to(workdir).as_posix() for name in kept]
+        if len(found) >= MOST_FILES:
+            break
+    return sorted(map(escaped, found[:MOST_FILES]))
 
 
 def _started(context: Context, outcome: Outcome) -> str:

@@ -137,7 +137,7 @@ def _refused(screen: Console, found: Sequence[Diagnostic], *, as_json: bool) -> 
 
 def run_simulate(arguments: Namespace, project: Path, _screen: Console) -> int:
     """Does not return; the program leaves with 0 when it was ended, with 1 when it could not begin."""
-    command = [sys.executable, "-m", "octoform.simulation", _rig(arguments.rig, project)]
+    command = [sys.executable, "-P", "-m", "octoform.simulation", _rig(arguments.rig, project)]
     if arguments.folder is not None:
         command += ["-folder", str(project / arguments.folder)]
     for text in arguments.set:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import digest
-from octoform.base.files import read
+from octoform.base.files import read, walk
 from octoform.endpoint.drift import observe
 from octoform.endpoint.environment.model import MARKER, at, intact, packages_of
 from octoform.endpoint.published_files import PACKAGES, read_manifest
@@ -148,14 +148,14 @@ def _below(layout: Layout, path: Path) -> str:
 
 def _stamps(folder: Path) -> Iterator[object]:
     count = 0
-    for root, folders, names in os.walk(folder):
+    for root, folders, names in walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__" and not name.startswith("."))
-        yield _stamp(Path(root), own=False)
+        yield _stamp(root, own=False)
         for name in sorted(names):
             count += 1
             if count > _MOST_FILES:
                 return
-            yield _stamp(Path(root, name))
+            yield _stamp(root / name)
 
 
 def _stamp(path: Path, *, own: bool = True) -> object:

@@ -1,7 +1,6 @@
 """What all ears of the daemon have in common. (Light.)"""
 
 import errno
-import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
@@ -10,6 +9,7 @@ from typing import Protocol
 
 from inotify_simple import INotify, flags
 
+from octoform.base.files import walk
 from octoform.daemon.model import Cause
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.environment.model import packages_of
@@ -250,10 +250,10 @@ def _below(folder: Path) -> Iterator[Path]:
     """The folder and those in it, hidden ones and bytecode left out; the folder also when it is not there."""
     yield folder
     count = 0
-    for root, folders, _ in os.walk(folder):
+    for root, folders, _ in walk(folder):
         folders[:] = [name for name in folders if not name.startswith(".") and name != "__pycache__"]
         for name in folders:
             count += 1
             if count > MOST_FOLDERS:
                 return
-            yield Path(root, name)
+            yield root / name

@@ -10,11 +10,12 @@ of it is lost.
 
 import os
 import re
-import shutil
 import time
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 
+from octoform.base.files import remove_tree
 from octoform.daemon.model import Done
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.process.log_rotation import archives, drop, set_aside
@@ -61,7 +62,8 @@ def _droppable(layout: Layout) -> Iterator[str]:
         for path in prune(layout, {path for path in (present, before) if path is not None}):
             yield f"the environment {path.name}"
     for path in _old_attempts(layout):
-        shutil.rmtree(path, ignore_errors=True)
+        with suppress(OSError):
+            remove_tree(path)
         yield f"the attempt {path.name}"
     for path in archives(layout):
         drop(path)

@@ -21,7 +21,7 @@ from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.base.processes import signal_group
 
-COMMAND = (sys.executable, "-m", "octoform.daemon.repair.worker")
+COMMAND = (sys.executable, "-P", "-m", "octoform.daemon.repair.worker")
 FORMAT = 1
 GRACE_SECONDS = 15.0
 """What a child may take to end its agent and let go of its lock, before it is killed."""

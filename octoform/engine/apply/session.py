@@ -222,4 +222,5 @@ def _line(event: Event, clock: Clock) -> bytes:
         if name in fields:
             fields[name] = [to_json(item) for item in getattr(event, name) if isinstance(item, Diagnostic)]
     record = {"event": type(event).__name__, "time": clock.stamp(), "from": "octoform", **fields}
-    return json.dumps(record, ensure_ascii=False).encode() + b"\n"
+    # A name that is no text becomes an escape, which JSON has for it.
+    return json.dumps(record, ensure_ascii=False).encode("utf-8", "backslashreplace") + b"\n"

@@ -257,8 +257,8 @@ def _cost(models: Sequence[object]) -> float | None:
     if any(field(used, "costBasis") != "list" for used in models):
         return None
     costs = [field(used, "costUSD") for used in models]
-    numbers = [float(cost) for cost in costs if isinstance(cost, int | float) and not isinstance(cost, bool)]
-    known = len(numbers) == len(costs) and all(math.isfinite(cost) and cost >= 0 for cost in numbers)
+    numbers = [cost for cost in costs if isinstance(cost, int | float) and not isinstance(cost, bool)]
+    known = len(numbers) == len(costs) and all(0 <= cost < 1e9 for cost in numbers)
     return math.fsum(numbers) if known else None
 
 

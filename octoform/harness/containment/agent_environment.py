@@ -4,9 +4,11 @@ A shell's environment is full of secrets that have nothing to do with the task, 
 the set is built up from nothing instead of cleaned.
 """
 
-import shutil
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
+
+from octoform.base.files import remove_tree
 
 FALLBACK_PATH = "/usr/local/bin:/usr/bin:/bin"
 PREFIX = "OCTOFORM_"
@@ -46,7 +48,8 @@ def remove_private(workdir: Path) -> None:
     if workdir.is_symlink():
         return
     for name in PRIVATE:
-        shutil.rmtree(workdir / name, ignore_errors=True)
+        with suppress(OSError):
+            remove_tree(workdir / name)
 
 
 def is_secret(name: str) -> bool:

@@ -10,8 +10,11 @@ import os
 import pwd
 import stat
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
+
+from octoform.base.files import walk
 
 NAME = "nobody"
 FALLBACK = 65534
@@ -74,15 +77,14 @@ def _is_guarded(device: int) -> bool:
 
 
 def _nodes(folder: Path) -> Iterator[Path]:
-    for place, folders, files in os.walk(folder):
+    for place, folders, files in walk(folder):
         folders[:] = [name for name in folders if name not in ("pts", "shm", "mqueue", "hugepages")]
-        yield from (Path(place) / name for name in files)
+        yield from (place / name for name in files)
 
 
 def hand_over(folder: Path, uid: int, gid: int) -> None:
     """Make all of a folder that user's; links are not followed, and what is gone meanwhile is not missed."""
-    for path in (folder, *folder.rglob("*")):
-        try:
-            os.chown(path, uid, gid, follow_symlinks=False)
-        except FileNotFoundError:
-            continue
+    for place, folders, names in walk(folder):
+        for path in (place, *(place / name for name in (*folders, *names))):
+            with suppress(FileNotFoundError):
+                os.chown(path, uid, gid, follow_symlinks=False)

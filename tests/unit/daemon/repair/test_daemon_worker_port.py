@@ -125,3 +125,11 @@ def test_a_child_that_the_system_does_not_start_has_failed_in_a_sentence(
     monkeypatch.setattr(subprocess, "Popen", refuse)
     result = workers(tmp_path, ECHO).run("heal", {}, 10)
     assert (result["ok"], result["detail"]) == (False, "heal: no more processes or threads can be started")
+
+
+@pytest.mark.parametrize("module", ["json", "octoform"])
+def test_nothing_in_the_projects_folder_is_taken_for_a_module(tmp_path: Path, module: str) -> None:
+    """A child begins in that folder, where an agent may have left anything."""
+    (tmp_path / f"{module}.py").write_text("open('ran', 'w').close()\n")
+    Workers(tmp_path, os.environ).run("no such job", {}, 60.0)
+    assert not (tmp_path / "ran").exists()

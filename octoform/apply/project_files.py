@@ -1,0 +1,79 @@
+"""Sizes and times of a project's files, by which a change is seen that is told and left, and what folders hold by name.
+
+Of what other programs fill all the time, such as a repository, an environment or a cache, only that the folder is
+there: a person or a program may be at work in it.
+"""
+
+import os
+import stat
+from collections.abc import Callable
+from pathlib import Path
+
+from octoform.base import files
+
+MOST_FILES = 5000
+MAX_TOLD = 20
+"""Names that a person reads."""
+_SKIPPED = frozenset((".git", ".octoform", "node_modules"))
+"""Folders that other programs fill all the time."""
+_MARKS = ("pyvenv.cfg", "CACHEDIR.TAG")
+"""Files that say of a folder that a program made it and may make it again: an environment, a cache."""
+
+
+def listing(project: Path) -> dict[Path, tuple[int, int]]:
+    """Size and time of the project's files, bounded; of what programs fill themselves only that the folder is there."""
+    found: dict[Path, tuple[int, int]] = {}
+    own = _own_streams()
+    for place, folders, names in files.walk(project):
+        whole = [name for name in folders if (place / name).is_symlink() or _is_filled(place / name)]
+        folders[:] = sorted(name for name in folders if name not in whole and name != "__pycache__")
+        for path in (place / name for name in (*names, *whole)):
+            if len(found) >= MOST_FILES:
+                return found
+            try:
+                facts = path.lstat()
+            except FileNotFoundError:  # gone since the folder was read: nothing to compare
+                continue
+            if stat.S_ISDIR(facts.st_mode):
+                found[path] = (0, 0)
+            elif (facts.st_dev, facts.st_ino) not in own:
+                found[path] = (facts.st_size, facts.st_mtime_ns)
+    return found
+
+
+def _is_filled(folder: Path) -> bool:
+    return folder.name in _SKIPPED or any((folder / mark).exists() for mark in _MARKS)
+
+
+def _own_streams() -> set[tuple[int, int]]:
+    """Where octoform itself prints: a person may have sent that into a file of the project."""
+    found = set()
+    for number in (1, 2):
+        try:
+            facts = os.fstat(number)
+        except OSError:
+            continue  # closed
+        found.add((facts.st_dev, facts.st_ino))
+    return found
+
+
+def listed(names: list[str]) -> str:
+    """Names, as many as a person reads; where there are more, the folders in which they lie."""
+    shown = names if len(names) <= MAX_TOLD else list(dict.fromkeys(str(Path(name).parent) for name in names))
+    return ", ".join(shown[:MAX_TOLD]) + (", ..." if len(shown) > MAX_TOLD else "")
+
+
+def at_start(name: str) -> bool:
+    """Whether an interpreter runs a file of that name among its packages before anything else (site, Python docs)."""
+    return name.endswith(".pth") or name in ("sitecustomize.py", "usercustomize.py")
+
+
+def is_entry(name: str) -> bool:
+    return name != "__pycache__"
+
+
+def names_in(room: Path, counts: Callable[[str], bool] = is_entry) -> frozenset[str]:
+    try:
+        return frozenset(path.name for path in room.iterdir() if counts(path.name))
+    except OSError:
+        return frozenset()
