@@ -50,7 +50,7 @@ def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
     try:
         data = files.head(path, MOST_BYTES + 1, follow=True)
     except OSError as reason:
-        hint = "put a text file in its place that this user may read"
+        hint = "replace it by a text file that this user may read"
         return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path), hint=hint)]
     if len(data) > MOST_BYTES:
         return None, [error(code, f"the file is larger than {MOST_BYTES} bytes", path=str(path), hint="shorten it")]

@@ -171,7 +171,9 @@ def conflicts(declared: Mapping[str, str], closure: Mapping[str, str]) -> tuple[
             lines.append(f"{' and '.join(present)} install the same module and overwrite each other; only one may stay")
         elif chosen:
             others = ", ".join(sorted(family - set(chosen)))
-            lines.append(f"{chosen[0]} was chosen and must not stand beside {others}: they install the same module")
+            lines.append(
+                f"{chosen[0]} was chosen and must not be installed beside {others}: they install the same module"
+            )
     return lines, broken
 
 

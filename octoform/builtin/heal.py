@@ -19,7 +19,7 @@ _ACTIONS = {
 _NO_REWRITE = (
     "the code of the tool seems to be wrong, and the embedded agent rewrites no code: a model or a person must"
 )
-_NOT_MINE = "no repair of the playbook mends this: a person is needed"
+_NOT_MINE = "no repair of the playbook fixes this: a person is needed"
 MOST_CITES = 16
 
 

@@ -47,9 +47,9 @@ from octoform.builtin.task import Task
 # The agent knows the rule from the spec, in its own terms: a name that says only how a product is wired names no
 # product. It is judged on the final annotation, whoever gave the name: strings, a database, an answer, a profile.
 
-_MISSING = "The name that it goes by says only how it is wired; what is this device, by maker and model?"
-_ASKED = "What it says of itself could not be taken as it is; what is this device, by maker and model?"
-_UNTOLD = "nothing that it says of itself could be taken as it is"
+_MISSING = "The name that it goes by shows only how it is wired; what is this device, by maker and model?"
+_ASKED = "Its own strings could not be taken unchanged; what is this device, by maker and model?"
+_UNTOLD = "none of its own strings could be taken unchanged"
 _ACTING = ("sensor", "actuator", "bidirectional")
 _WIRES = frozenset(
     (

@@ -74,11 +74,11 @@ _REASONS: Mapping[str, tuple[str, str]] = {
     "tablet": (_NONE, _NO_INPUT),
     "touchpad": (_NONE, _NO_INPUT),
     "touchscreen": (_NONE, _NO_INPUT),
-    "billboard": (_NOTHING, "only says that a display mode could not be entered"),
+    "billboard": (_NOTHING, "only reports that a display mode could not be entered"),
     "bluetooth": (_CARRIES, "the radio by itself does nothing; what is paired with it is listed apart"),
     "bridge": (
         _CARRIES,
-        "its addresses are never probed: even a read can disturb a chip, and nothing tells what is there",
+        "its addresses are never probed: even a read can disturb a chip, and nothing shows what is there",
     ),
     "can": (_NONE, "what its messages mean is not known; nothing is sent on a bus of unknown participants"),
     "codec": (_NONE, "works on memory for other programs, and the kernel shows no node of it"),
@@ -96,7 +96,7 @@ _REASONS: Mapping[str, tuple[str, str]] = {
     "network": (_CARRIES, _LINK),
     "optical": (_PART, "holds a medium for the file system; no tool opens its tray or reads discs"),
     "phone": (_NONE, "its files and debug interface need a program of its own and the consent of its owner"),
-    "pwm": (_NONE, "its outputs drive parts of the board (a fan, a backlight), and nothing tells which one is free"),
+    "pwm": (_NONE, "its outputs drive parts of the board (a fan, a backlight), and nothing shows which one is free"),
     "nfc": (_NONE, "a service of the system (neard, pcscd) speaks with it; the kernel gives a tool no tags to read"),
     "cec": (_NONE, "its messages switch other people's screens; nothing is sent on a bus of unknown participants"),
     "pps": (_NONE, "gives the moment of a second to the system's clock, and no value"),
@@ -122,8 +122,8 @@ _REASONS: Mapping[str, tuple[str, str]] = {
     "zigbee": (_NONE, _CABLE),
 }
 
-_WORDLESS = "the profile {} has no command grammar to make tools from"
-_MEANT = "its meaning is known now; no standard interface drives it: a profile with a grammar would ({})"
+_WORDLESS = "the profile {} has no protocol definition to make tools from"
+_MEANT = "its meaning is known now; no standard interface drives it: a profile with a protocol definition would ({})"
 _REPORTED = "macos-"
 """How the ids begin of what only the reports of another system list; the reasons above are those of a Linux kernel."""
 

@@ -40,7 +40,7 @@ def leave_first(device: Device) -> Leave | None:
     if device.bus == "usb" and _ROOT_HUB.search(device.path):
         return Leave("bus_infrastructure", "root hub of a USB host controller")
     if _PARAVIRTUAL in device.drivers:
-        return Leave("duplicate_path", "what it does stands in an entry of its own, the virtio device behind it")
+        return Leave("duplicate_path", "what it does is in an entry of its own, the virtio device behind it")
     return None
 
 
@@ -89,7 +89,7 @@ def claim_named(device: Device) -> Claim | None:
 
 def unknown(device: Device) -> Claim:
     """A USB device of which nothing tells what it does."""
-    evidence = [device.cite_self("no interface class, driver or word tells what it does")]
+    evidence = [device.cite_self("no interface class, driver or word shows what it does")]
     found = device.product or device.fact("manufacturer", "product_id")
     if found:
         evidence = [Evidence(found.line, "names no kind of device")]
@@ -238,7 +238,7 @@ def _via(profile: Mapping[str, Any]) -> str:
 
 def _evidence(device: Device, profile: Mapping[str, Any], known: Mapping[str, Any]) -> list[dict[str, str]]:
     """What PROBE says of the device, first its own words; the rule itself was evaluated by octoform."""
-    says = f"the evidence rule of the profile {profile['name']} holds for this device"
+    says = f"the match rule of the profile {profile['name']} matches this device"
     facts = [fact for fact in (device.product, device.fact("manufacturer"), device.fact("product_id")) if fact]
     cited = [Evidence(fact.line, says) for fact in facts] or [device.cite_self(says)]
     quotes = {item.quote: item.as_json() for item in cited}

@@ -68,7 +68,7 @@ def of_motion(bank: Mapping[str, Any], command: Mapping[str, Any]) -> str:
         )
     if command["do"] in _ACTS:
         within = bank["motion"]["within"]
-        told.insert(0, f"Returns when it stands, after {within:g} s at most; one that does not move is an error.")
+        told.insert(0, f"Returns when it has stopped, after {within:g} s at most; one that does not move is an error.")
     if command.get("scale") == "calibrated":
         told.insert(0, f"The scale of each {unit}, a gripper too: -100 and 100 are the ends of its calibrated range.")
     if command.get("release"):
@@ -215,7 +215,7 @@ def _description(profile: Mapping[str, Any], command: Mapping[str, Any]) -> str:
     if is_unanswered(profile["grammar"], command):
         told += " The device acknowledges nothing: that it was sent is all that is known."
     if not command.get("send", "do" in command):
-        told += f" Waits up to {profile['grammar']['line']['timeout']:g} s for the device to say it by itself."
+        told += f" Waits up to {profile['grammar']['line']['timeout']:g} s for the device to send it by itself."
     return f"{sentence}{told} By the line protocol of the profile {profile['name']}."
 
 

@@ -86,7 +86,7 @@ def run(task: Task) -> str:
     """Scan the task's host, look for the words of the input, and write both; the summary line."""
     found = beside(task.read_input(), task.sysroot)
     task.write({"format": 1, **found})
-    return f"{len(found['probe']['devices'])} devices, {len(found['unsaid'])} texts that are not of the host"
+    return f"{len(found['probe']['devices'])} devices, {len(found['unsaid'])} words that are not of the host"
 
 
 def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:

@@ -193,7 +193,7 @@ def run(task: Task) -> str:
     task.write(value)
     if value["camera"] is not None:
         return f"the camera {value['camera']['device']}"
-    return f"{len(value['trials'])} trials, {len(value['skipped'])} units skipped"
+    return f"{len(value['trials'])} hardware tests, {len(value['skipped'])} units skipped"
 
 
 def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
@@ -214,7 +214,9 @@ def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
     elif kind == "view" and "line" in grammar:
         trials = line_trials(given, grammar)
     else:
-        raise TaskRefused(f"the profile has no grammar from which a proof of the kind {kind} could be made")
+        raise TaskRefused(
+            f"the profile has no protocol definition from which a hardware test of the kind {kind} could be made"
+        )
     if not trials:
         raise TaskRefused("nothing of this device can be tried: no enabled unit, or no tool that moves it to and fro")
     return {**blank, "device": device["id"], "trials": trials, "skipped": skipped, "camera": None}

@@ -146,7 +146,7 @@ MESSAGE_CHARACTERS, SUMMARY_CHARACTERS = 400, 600
 _BLIND = "the embedded agent does not look at pictures"
 _NO_FRAME = "no frame was given"
 _FIXES = {
-    "dependency": "build the serving environment from its lock again, or decide on the packages anew",
+    "dependency": "build the serving environment from its lock again, or decide on the packages again",
     "broken_tool": "correct the function of this tool: it asks for what is not there",
     "corrupted_file": "put the accepted file back",
     "dead_process": "start the server again",
@@ -269,7 +269,7 @@ def _count(number: int, what: str) -> str:
 def _told(failure: Row) -> str:
     """The words of a failure, unless somebody has put an address or a command there: those are not handed on."""
     text = " ".join(str(failure.get("message") or "no message").split())
-    return "its words hold an address or a command and are left out" if _ORDERS.search(text) else text
+    return "its words hold an address or a command and are omitted" if _ORDERS.search(text) else text
 
 
 __all__ = ["run"]

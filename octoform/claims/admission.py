@@ -67,10 +67,12 @@ def of_claim(document: object) -> Proposal | Diagnostic:
 def of_declaration(document: object) -> Proposal | Diagnostic:
     """The proposal in one of WATCH's ``declarations``; CLAIM-MALFORMED when it has another form."""
     try:
-        whole = _object(document, "a declaration")
+        whole = _object(document, "a permanent restriction")
         kind = _text(whole, "kind")
         if kind not in DECLARATIONS:
-            raise _MalformedError(f"a declaration is one of {', '.join(DECLARATIONS)}, not {escaped(kind)[:60]!r}")
+            raise _MalformedError(
+                f"a permanent restriction is one of {', '.join(DECLARATIONS)}, not {escaped(kind)[:60]!r}"
+            )
         return Proposal(
             target=_text(whole, "target"),
             fault="none",
@@ -100,7 +102,7 @@ def problem_of(proposal: Proposal) -> Diagnostic | None:
         if proposal.irreversible is None and (proposal.signal is None or condition is None):
             raise _MalformedError("it has no signal or no condition")
         if proposal.irreversible is not None and proposal.irreversible not in DECLARATIONS:
-            raise _MalformedError(f"a declaration is one of {', '.join(DECLARATIONS)}")
+            raise _MalformedError(f"a permanent restriction is one of {', '.join(DECLARATIONS)}")
         if condition is not None:
             _condition({"op": condition.op, "value": condition.value})
         _seconds(proposal.seconds)
@@ -329,7 +331,7 @@ def _contradicts(condition: Condition, latest: Reading) -> Diagnostic | None:
         return None
     return error(
         "CLAIM-OUTRANKED",
-        f"the newest reading {latest.id} says otherwise: {_value(latest)}, so {_words(condition)} does not hold",
+        f"the newest reading {latest.id} shows the opposite: {_value(latest)}, so {_words(condition)} does not hold",
         hint="what is measured outranks what was concluded before",
     )
 
@@ -339,7 +341,7 @@ def _within_limits(case: _Case) -> Diagnostic | None:
         if (why := bound.calls_clean(case.condition, case.evidence.value)) is not None:
             return error(
                 "CLAIM-WITHIN-LIMITS",
-                f"{_words(case.condition)} calls trouble what is none at {_of(case.evidence.signal)}: {why}",
+                f"{_words(case.condition)} calls a normal value a problem at {_of(case.evidence.signal)}: {why}",
                 hint="the profile knows the product; its bounds are changed there, by a person",
             )
     return None
@@ -458,7 +460,7 @@ def _of(signal: Signal) -> str:
 
 def _value(reading: Reading) -> str:
     if reading.value is None:
-        return f"it could not be read ({_shown(reading.why) or 'no one said why'})"
+        return f"it could not be read ({_shown(reading.why) or 'no reason was given'})"
     return f"{_of(reading.signal)} is {_shown(str(reading.value))}"
 
 

@@ -56,7 +56,7 @@ def taken_problem(path: Path) -> Diagnostic:
 
 def nobody_problem() -> Diagnostic:
     """A decision without a name."""
-    return error("CLAIM-NO-PERSON", "no one answers for it", hint="say who you are")
+    return error("CLAIM-NO-PERSON", "no one answers for it", hint="give your name")
 
 
 def changed_problem(path: Path) -> Diagnostic:

@@ -169,7 +169,7 @@ def _string_refusals(
     if seen is not None and previous in ("{", ","):
         if word in seen:
             hint = "keep one of the two; a reader that keeps the last one would lose the first"
-            yield start, "ARTIFACT-DUPLICATE-KEY", f"the key {shown(word)} stands twice in one object", hint
+            yield start, "ARTIFACT-DUPLICATE-KEY", f"the key {shown(word)} is twice in one object", hint
         seen.add(word)
     if any("\ud800" <= item <= "\udfff" for item in word):
         hint = "write the character itself, or both halves of its surrogate pair"

@@ -383,6 +383,6 @@ def _content(device: JsonObject) -> tuple[Any, ...]:
 
 def _notice(base: str, missing: list[str]) -> str:
     return (
-        f"which of the equal devices {', '.join(missing)} is which cannot be told any more: they have no serial number "
+        f"which of the equal devices {', '.join(missing)} is which is no longer known: they have no serial number "
         f"of their own and are in other ports; the ids of {base} are counted by port again"
     )

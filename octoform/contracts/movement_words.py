@@ -124,7 +124,7 @@ def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str
     words = set(spoken(name))
     aims = _GOALS | {"goal", "goals", "target", "setpoint"}
     if told := speaks_of_change(said) or next((word for word in (*words, *spoken(said)) if word in aims), None):
-        return f"{told} says that it carries what the device is to do"
+        return f"{told} shows that it carries what the device is to do"
     times = words & _WAITS or (words & _TIMES and not words & _STEERING)
     if values is not None:
         if set(map(str, values)) <= set(devices):

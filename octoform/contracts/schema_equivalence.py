@@ -335,6 +335,6 @@ def _annotations(name: str, wanted: JsonObject, found: Mapping[str, Any], path: 
     ]
     if not lines:
         return []
-    summary = f"the annotations of {shown(name)} are not the ones that INTERFACE promises"
+    summary = f"the `annotations` of {shown(name)} are not the ones that INTERFACE promises"
     hint = "pass annotations={...} to @mcp.tool with the four hints of the INTERFACE artifact"
     return [error("SERVE-ANNOTATIONS-DIFFER", summary, path=path, detail="\n".join(lines), hint=hint)]

@@ -40,7 +40,7 @@ def read_header(text: str) -> Header:
     if not isinstance(listed, list) or not all(isinstance(item, str) for item in listed):
         return Header((), "the script header has no list of dependencies", line)
     if not isinstance(table.get("requires-python"), str):
-        return Header(tuple(listed), "the script header does not say requires-python", line)
+        return Header(tuple(listed), "the script header has no requires-python", line)
     bad = next((item for item in listed if _name(item) is None), None)
     if bad is not None:
         return Header((), f"the dependency {bad[:80]!r} is not a name with a version range", line)

@@ -171,14 +171,14 @@ def _process(facts: Facts) -> Iterable[Part]:
             if reason.startswith(OTHER_TOOLS):
                 yield Part("endpoint:tools", Status.DEGRADED, reason)
     for name in facts.unproved:
-        why = f"the hardware test of {name} failed when it was last applied: octoform state show {name} tells more"
+        why = f"the hardware test of {name} failed when it was last applied: octoform state show {name} shows more"
         yield Part(name, Status.DEGRADED, why)
 
 
 def _devices(facts: Facts) -> Iterable[Part]:
     for name, each in facts.devices.items():
         if each.there is None:
-            yield Part(f"device:{name}", Status.UNKNOWN, "whether it is there cannot be told")
+            yield Part(f"device:{name}", Status.UNKNOWN, "whether it is there is unknown")
         elif not each.there:
             yield Part(f"device:{name}", Status.DEGRADED, "it is not there")
         elif each.refused is not None:

@@ -97,7 +97,7 @@ def not_ours(folder: Path) -> str | None:
     except FileNotFoundError:
         return None
     if stat.S_ISLNK(status.st_mode):
-        return f"{folder} is a link; it must be a folder"
+        return f"{folder} is a symlink; it must be a folder"
     if status.st_uid != os.geteuid():
         return f"{folder} belongs to another user (uid {status.st_uid}); nothing of it can be trusted"
     return None

@@ -127,7 +127,7 @@ about: ""
 # What a person calls it: maker and model.
 product: {product}
 # When this profile may be used; octoform evaluates it on what PROBE saw, an agent never does. Words count when they
-# stand in the device's own text, or in your answer about it:
+# are in the device's own text, or in your answer about it:
 #   octoform answer {device} "..."
 # Keep only words that no other product has: the numbers of a chip sit on thousands of boards.
 evidence:

@@ -89,7 +89,7 @@ def _version(pin: Pin, located: Located, environ: Mapping[str, str], install: st
         return failed("version", f"{pin.binary} --version: {stated.problem}", f"install it again: {install}")
     if stated.version != pin.version:
         detail = f"{stated.version}; octoform was tried with {pin.version}"
-        return unknown("version", detail, f"if it makes trouble: {install}, and no `command` in octopus.yaml")
+        return unknown("version", detail, f"if it causes problems: {install}, and no `command` in octopus.yaml")
     return passed("version", f"{stated.version}, the tried one")
 
 

@@ -148,7 +148,7 @@ def read(path: Path, report: ProblemList) -> bytes | None:
         report.error(
             "MANIFEST-UNREADABLE",
             f"the manifest cannot be read: {problem.strerror or problem}",
-            hint=f"`ls -l {path.name}` shows what it is; put a text file there that this user may read",
+            hint=f"`ls -l {path.name}` shows what it is; replace it by a text file that this user may read",
         )
         return None
     if len(content) > LIMIT:

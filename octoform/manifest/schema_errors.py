@@ -30,9 +30,9 @@ from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
 # The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
 
 TYPES = {
-    "string_type": "a text",
-    "int_type": "a whole number",
-    "int_from_float": "a whole number",
+    "string_type": "a string",
+    "int_type": "an integer",
+    "int_from_float": "an integer",
     "bool_type": "true or false",
     "list_type": "a list",
     "model_type": "a mapping",
@@ -42,11 +42,11 @@ TYPES = {
     "union_tag_not_found": "a name or a mapping",
 }
 FORMS = {
-    "a text": "one word or quoted text",
+    "a string": "one word or quoted text",
     "a name": "one word",
     "a number": "a number without quotes, such as 2.5",
     "auto, true, false or a mapping": "`sandbox: auto`, `sandbox: true`, or `sandbox: {network: false}`",
-    "a whole number": "a number without quotes and point, such as 3",
+    "an integer": "a number without quotes and point, such as 3",
     "true or false": "`true` or `false`, without quotes",
     "a list": "a list: [first, second]",
     "a mapping": "a mapping: {key: value}",
@@ -122,7 +122,7 @@ def kind(node: yaml_tree.Node | None) -> str:
         return "true or false"
     if isinstance(value, float):
         return "a number with a fraction or exponent"
-    return "a number" if isinstance(value, int) else "a text"
+    return "a number" if isinstance(value, int) else "a string"
 
 
 # Which keys may stand where in a manifest, for what is said of a key that may not. (Heavy: the document.)
@@ -352,7 +352,7 @@ class _Problem:
             self._missing()
         elif not isinstance(entry[1], Scalar):
             self._loc = (*self._loc, "name")
-            self._wrong_type("a text")
+            self._wrong_type("a string")
         else:
             self._loc = (*self._loc, "name")
             self._harness_name(entry[1])

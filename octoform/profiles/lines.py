@@ -154,7 +154,7 @@ _COMMANDS = 'write commands: [{tool: lamp_off, send: "OFF", about: "switch the l
 
 def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineGrammar:
     """The grammar that a front-matter value says; whatever it is, with every problem of it in ``found``."""
-    found.mapping(whole, place, "the grammar", FIELDS)
+    found.mapping(whole, place, "the protocol definition", FIELDS)
     line = _line(found, whole.get("line"), (*place, "line"))
     items = found.items(whole.get("commands"), (*place, "commands"), MOST_COMMANDS, _COMMANDS)
     commands = [_command(found, item, (*place, "commands", index)) for index, item in enumerate(items)]
@@ -209,7 +209,7 @@ def _halt(found: Found, given: object, place: Place, commands: Mapping[str, Comm
 
 def _mover(found: Found, name: object, place: Place, commands: Mapping[str, Command]) -> str:
     """The name of a command that moves something: what a read says or does is no movement."""
-    tool = found.named(name, commands, place, "command of this grammar that is acknowledged")
+    tool = found.named(name, commands, place, "command of this protocol definition that is acknowledged")
     if tool and commands[tool].effect == "read":
         found.add(place, f"the command {tool!r} is a read and moves nothing")
     return tool

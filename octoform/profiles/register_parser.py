@@ -350,7 +350,7 @@ _LIBRARY = "write library: {distribution: name-on-pypi, module: imported_as, pro
 
 def read(found: Found, whole: Mapping[str, Any], place: Place) -> RegisterGrammar:
     """The grammar that a front-matter value says; whatever it is, with every problem of it in ``found``."""
-    found.mapping(whole, place, "the grammar", FIELDS)
+    found.mapping(whole, place, "the protocol definition", FIELDS)
     registers = _registers(found, whole.get("registers"), (*place, "registers"))
     return RegisterGrammar(registers, read_commands(found, whole.get("commands"), (*place, "commands"), registers))
 

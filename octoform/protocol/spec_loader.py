@@ -74,7 +74,7 @@ def load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[D
         hint = f"copy it there, or remove the folder {SCHEMAS} to use the shipped ones"
         found.append(error("PROTOCOL-NO-SCHEMA", f"the schema of {stage} is missing", path=str(schema), hint=hint))
     if not document.body.strip():
-        found.append(document.problem("PROTOCOL-EMPTY", f"the spec of {stage} says nothing"))
+        found.append(document.problem("PROTOCOL-EMPTY", f"the spec of {stage} is empty"))
     if found:
         return None, found
     budget = document.fields.get("budget")
@@ -180,7 +180,7 @@ def load_step(name: str, path: Path, folder: Path | None) -> tuple[Step | None, 
         hint = f"copy it there, or remove the folder {SCHEMAS} to use the shipped ones"
         found.append(error("PROTOCOL-NO-SCHEMA", "the schema of the steps is missing", path=str(schema), hint=hint))
     if not document.body.strip():
-        found.append(document.problem("PROTOCOL-EMPTY", f"the spec of the step {name} says nothing"))
+        found.append(document.problem("PROTOCOL-EMPTY", f"the spec of the step {name} is empty"))
     if found:
         return None, found
     spec = Spec(

@@ -119,7 +119,7 @@ class Exchange:
                 raise DeviceFault(device, refused)
             found = re.fullmatch(reply, said)
             if not found:  # behind any other line, such as an echo, the answer may still come
-                unknown = f"{device} answered {command!r} with {said!a}, which its grammar does not know"
+                unknown = f"{device} answered {command!r} with {said!a}, which its protocol definition does not know"
                 raise DeviceFault(device, unknown)
             lines.append(said)
             values |= found.groupdict()
@@ -151,7 +151,9 @@ class Exchange:
                 lines, values = [*lines, said], {**values, **found.groupdict()}
                 if len(lines) == len(self._replies):
                     return Answer(tuple(lines), values)
-        raise DeviceFault(device, f"{device} said nothing within {wire.timeout:g} s that its grammar knows")
+        raise DeviceFault(
+            device, f"{device} answered nothing within {wire.timeout:g} s that its protocol definition knows"
+        )
 
     def _refused(self, said: str) -> str:
         """The sentence for a line that refuses the command; "" for any other."""

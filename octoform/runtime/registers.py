@@ -73,7 +73,7 @@ def find(patterns: Iterable[str], units: Mapping[str, int]) -> Calibration:
         return Calibration({}, f"there is no calibration file; looked for {', '.join(asked)}")
     if len(found) > 1:
         names = ", ".join(_shown(path) for path in found[:4])
-        return Calibration({}, f"there are {len(found)} calibration files and nothing tells which is meant: {names}")
+        return Calibration({}, f"there are {len(found)} calibration files and nothing shows which is meant: {names}")
     try:
         return _read(found[0], units)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as problem:
@@ -85,7 +85,7 @@ def _read(path: Path, units: Mapping[str, int]) -> Calibration:
     document: dict[str, Any] = read_json(path, MOST_BYTES, any_text=True)
     known = {name: document[name] for name in units if name in document}
     other = [
-        f"{name} the id {entry['id']!a:.20} (the profile says {units[name]})"
+        f"{name} the id {entry['id']!a:.20} (the profile has {units[name]})"
         for name, entry in known.items()
         if entry["id"] != units[name]
     ]
@@ -306,7 +306,7 @@ class Talk:
             self.write(field, value)
         for field, value in wanted:
             if (found := self.count(field)) != value:
-                raise self._bank.fault(f"{self.name} was told {field} = {value}, and its {field} is {found}")
+                raise self._bank.fault(f"{self.name} was set to {field} = {value}, and its {field} is {found}")
 
     def _judged(self, field: str, value: float) -> None:
         """Each fresh reading of the protected field says whether the unit is too hot, and when it no longer is."""

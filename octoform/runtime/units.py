@@ -177,7 +177,7 @@ def held(bank: Bank, talk: Talk) -> int:
     goal = min(max(position, motion.minimum), motion.maximum)
     if abs(goal - position) > NEAR:
         span = f"{motion.minimum} to {motion.maximum}"
-        raise bank.fault(f"{talk.name} is at {position}, where it cannot be told to hold: that is only from {span}")
+        raise bank.fault(f"{talk.name} is at {position}, where it cannot be set to hold: that is only from {span}")
     talk.write(motion.goal, goal)
     return position
 

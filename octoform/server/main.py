@@ -40,7 +40,7 @@ def private(folder: Path) -> None:
     had been open then); also when the system refuses.
     """
     if folder.is_symlink():
-        raise NotOursError(f"{folder} is a link; a folder has to stand there")
+        raise NotOursError(f"{folder} is a symlink; it has to be a folder")
     try:
         folder.mkdir(mode=PRIVATE, parents=True, exist_ok=True)
         descriptor = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC)

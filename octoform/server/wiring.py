@@ -42,10 +42,10 @@ if TYPE_CHECKING:
 # The generated server has a name of its own choice; two hosts of one client would look alike by it.
 
 TEXT = (
-    "The hardware of host {host}, as its operating system shows it. Every tool says in its annotations, and in _meta "
-    "as octoform/effect, whether it reads, actuates or cannot be undone. The resource {devices} lists the devices and "
-    "whether they are there now; {frames}TOOL is the latest picture of a tool. A refused call says which rule or limit "
-    "stands against it and what would pass: follow it, and do not try the same call again."
+    "The hardware of host {host}, as its operating system shows it. Every tool declares in its annotations, and in "
+    "_meta as octoform/effect, whether it reads, actuates or cannot be undone. The resource {devices} lists the "
+    "devices and whether they are there now; {frames}TOOL is the latest picture of a tool. The answer to a refused "
+    "call names the rule or limit that refused it and what would pass: follow it, and do not try the same call again."
 )
 
 

@@ -40,7 +40,7 @@ def changed(description: Mapping[str, Any], name: str, key: str, value: object) 
 
 
 def _sort(value: object) -> str:
-    sorts = ((bool, "true or false"), (int | float, "a number"), (str, "a text"))
+    sorts = ((bool, "true or false"), (int | float, "a number"), (str, "a string"))
     return next((words for kind, words in sorts if isinstance(value, kind)), "a part of the rig's own file")
 
 

@@ -27,11 +27,11 @@ IGNORES_ALL = b"*\n"
 """The rule of git by which nothing of a folder is ever committed (gitignore(5))."""
 _FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 _REFUSED = (errno.EROFS, errno.EACCES, errno.EPERM)
-MOVE_AWAY = "move away what stands there and run the same command again"
+MOVE_AWAY = "move away what is there and run the same command again"
 IN_THE_WAY = {
     errno.ELOOP: "a folder on the way to it is a link to itself",
     errno.ENOTDIR: "a folder on the way to it is none",
-    errno.EEXIST: "what stands there is no folder",
+    errno.EEXIST: "what is there is no folder",
 }
 
 

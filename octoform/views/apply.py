@@ -283,7 +283,7 @@ def closing(result: RunResult) -> str:
     if result.failed == "approval":
         return f"{operation} cancelled: nothing was done."
     if result.refused:
-        return f"{operation} stopped: the saved plan no longer holds for {plan_text.listed(result.refused, 'and')}."
+        return f"{operation} stopped: the saved plan is no longer valid for {plan_text.listed(result.refused, 'and')}."
     if result.failed == "commit":
         return f"{operation} done, but not committed: see the error above."
     if result.failed == "endpoint" or _is_made(result.failed):

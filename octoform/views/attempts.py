@@ -186,7 +186,7 @@ def _troubles(detail: Detail) -> Iterator[str]:
     troubles = detail.troubles
     if not troubles:
         return
-    yield "  troubles"
+    yield "  problems"
     for at, trouble in troubles[:MOST_TROUBLES]:
         kind = "closed" if isinstance(trouble, Closed) else trouble.reason.value
         yield f"    {at:7.1f}s  {kind}  {one_line(trouble.text, WIDTH)}".rstrip()

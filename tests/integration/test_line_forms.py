@@ -167,5 +167,8 @@ def test_what_it_says_by_itself_is_heard_whole_and_nothing_is_sent(bench: Bench)
     bench.heater.speaks = True
     assert bench.ask("heater_report") == (True, {"device": DEVICE, "celsius": 22.5, "percent": 41})
     bench.heater.speaks = False
-    assert bench.ask("heater_report") == (False, f"{DEVICE} said nothing within 2 s that its grammar knows")
+    assert bench.ask("heater_report") == (
+        False,
+        f"{DEVICE} answered nothing within 2 s that its protocol definition knows",
+    )
     assert bench.heater.lines == []

@@ -291,8 +291,8 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
     ),
     "two products in one name": ("bench", called(MOUSE, "Otter Mouse and Kestrel Camera", OTTER), NAME, "Kestrel"),
     "the computer's maker for a part": ("laptop", called(KESTREL, "Marsh Computing camera", CAM), NAME, "Marsh"),
-    "nothing for a name": ("laptop", called(KESTREL, "USB device", CAM), NAME, "says nothing"),
-    "unknown for a name": ("laptop", called(KESTREL, "unknown device", CAM), NAME, "says nothing"),
+    "nothing for a name": ("laptop", called(KESTREL, "USB device", CAM), NAME, "names no kind of thing"),
+    "unknown for a name": ("laptop", called(KESTREL, "unknown device", CAM), NAME, "names no kind of thing"),
     # Databases, the web, methods.
     "a database that does not know it": (
         "bench",
@@ -1316,31 +1316,31 @@ WRONG |= {
     "known or not: hwmon unknown": ("laptop", unknown(CHIP), KNOWN, "name the kind of thing t"),
     "known or not: csi unknown": ("raspberry", unknown(CSI), KNOWN, "name the kind of thing t"),
     "known or not: granary unknown": ("server", unknown(GRANARY), KNOWN, "name the kind of thing t"),
-    "known or not: left keyboard": ("laptop", out(KEYS, "no_function"), REASON, "annotate it"),
+    "known or not: left keyboard": ("laptop", out(KEYS, "no_function"), REASON, "add it to devices"),
     "known or not: left wifi virtual": (
         "bench",
         out(MOUSE, "network_neighbour"),
         REASON,
-        "annotate it",
+        "add it to devices",
     ),
     "known or not: mains no interface": (
         "laptop",
         out("acpi-acpi0003", "no_standard_interface"),
         REASON,
-        "annotate it",
+        "add it to devices",
     ),
     "known or not: camera out of scope": (
         "laptop",
         out(KESTREL, "out_of_scope"),
         REASON,
-        "annotate it",
+        "add it to devices",
     ),
-    "known or not: line as virtual": ("bench", out(LINE, "virtual"), REASON, "annotate it"),
+    "known or not: line as virtual": ("bench", out(LINE, "virtual"), REASON, "add it to devices"),
     "known or not: line as neighbour": (
         "bench",
         out(LINE, "network_neighbour"),
         REASON,
-        "annotate it",
+        "add it to devices",
     ),
     "a capability: servo on camera": (
         "laptop",

@@ -75,7 +75,7 @@ def readable_log(task: Task, outcome: Outcome) -> Path:
 def _line(event: AgentEvent) -> str:
     match event:
         case Said():
-            return f"said: {event.text}" if event.text else ""
+            return f"message: {event.text}" if event.text else ""
         case ToolCalled():
             return f"{event.tool}: {event.text}"
         case ToolReturned():

@@ -115,7 +115,7 @@ def _chip(device: Device, evidence: Evidence, names: tuple[tuple[str, ...], ...]
 def _focus() -> tuple[Capability, ...]:
     via = "Video4Linux2 control of the lens (V4L2_CID_FOCUS_ABSOLUTE)"
     return (
-        Capability("read_focus", "Read where the lens stands, in percent of its way.", via),
+        Capability("read_focus", "Read the position of the lens, in percent of its way.", via),
         Capability("set_focus", "Move the lens of the camera to a part of its way.", via, ACTUATE),
     )
 
@@ -307,7 +307,7 @@ def _focus_parameters(_: Facts) -> dict[str, Schema]:
 KINDS = (
     Kind(
         "capture_image",
-        "Take one picture. `mean` and `variance` of its brightness (0 to 255) tell a black frame from a picture.",
+        "Take one picture. `mean` and `variance` of its brightness (0 to 255) show a black frame.",
         PICTURE,
         95,
         parameters=_picture,
@@ -320,7 +320,7 @@ KINDS = (
         CODECS,
         30,
     ),
-    Kind("read_focus", "Read where the camera's lens stands; 0 percent is one end of its way.", FOCUS, 45),
+    Kind("read_focus", "Read the position of the camera's lens; 0 percent is one end of its way.", FOCUS, 45),
     Kind(
         "set_focus",
         "Move the camera's lens to a part of its way, and read it back. It stays there until it is moved again.",

@@ -86,7 +86,7 @@ def claim_bluetooth(device: Device) -> Claim | None:
     elif interface := device.usb(USB_BLUETOOTH):
         evidence = Evidence(interface.line, "USB Bluetooth interface")
     elif device.usb_class == _VENDOR_CLASS and _speaks_of_bluetooth(device):
-        evidence = device.cite_key("product", "a vendor's interface whose name says Bluetooth")
+        evidence = device.cite_key("product", "a vendor's interface whose name has Bluetooth")
     else:
         return None
     capabilities = (_READ_BLUETOOTH,) if "bluetooth" in device.classes else ()

@@ -84,7 +84,7 @@ def claim_security(device: Device) -> Claim | None:
         ("ID_SMARTCARD_READER", "security", "smart card reader"),
     ):
         if told := device.udev(name):
-            return Claim(kind, INFRASTRUCTURE, noun, (Evidence(told.line, "udev's rules say so"),))
+            return Claim(kind, INFRASTRUCTURE, noun, (Evidence(told.line, "udev's rules set this property"),))
     if driver := device.udev("LIBFPRINT_DRIVER"):
         evidence = Evidence(driver.line, "the fingerprint library has a driver for it")
         return Claim("fingerprint", SENSOR, "fingerprint reader", (evidence,))

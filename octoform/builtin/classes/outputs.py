@@ -300,7 +300,7 @@ def _output(facts: Facts) -> dict[str, Schema]:
 OUTPUT_KINDS = (
     Kind(
         "read_output_channels",
-        "Read what each output of the converter is set to, and its range where the kernel tells it; null is not told.",
+        "Read what each output of the converter is set to, and its range where it has one; null is not reported.",
         OUTPUTS,
         55,
     ),

@@ -70,7 +70,7 @@ SUPPLY = record(
     technology=maybe(TEXT),
 )
 SUPPLIES = record("Supplies", device=TEXT, supplies=listing(SUPPLY))
-_REST = "Null is not told; online 1 is connected."
+_REST = "Null is not reported; online 1 is connected."
 
 KINDS = (
     Kind("read_battery", f"Read charge, flow, health and temperature of the batteries. {_REST}", SUPPLIES, 80),

@@ -109,7 +109,7 @@ DISPLAYS = record("Displays", device=TEXT, connectors=listing(CONNECTOR))
 KINDS = (
     Kind(
         "read_storage",
-        "Read size, partitions, free space and what the kernel tells of health. What is not told is null.",
+        "Read size, partitions, free space and what the kernel reports of health. What is not reported is null.",
         STORAGE,
         60,
     ),

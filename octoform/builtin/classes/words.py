@@ -135,7 +135,7 @@ def claim(device: Device) -> Claim | None:
     """A kind told by udev's rules, by the device's words, or by the database's; nothing otherwise."""
     for name, kind, category, noun in _UDEV:
         if told := device.udev(name):
-            return Claim(kind, category, noun, (Evidence(told.line, "udev's rules say so"),))
+            return Claim(kind, category, noun, (Evidence(told.line, "udev's rules set this property"),))
     if device.bus != "usb" or device.usb(*_BOOT):
         return None
     table = _WORDS if device.usb(_HID) else (*_WORDS, *_INSTRUMENTS)

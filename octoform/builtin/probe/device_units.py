@@ -124,7 +124,7 @@ def _bounded(lines: list[str]) -> str:
     for index, line in enumerate(lines):
         size += len(line) + 1
         if size > DESCRIPTOR_CHARS - 40:
-            return "\n".join([*lines[:index], f"more: {len(lines) - index} lines left out"])
+            return "\n".join([*lines[:index], f"more: {len(lines) - index} lines omitted"])
     return "\n".join(lines)
 
 

@@ -36,7 +36,9 @@ def commands(tools: Mapping[str, Mapping[str, Any]], profiles: Profiles) -> Spok
     for name, (profile, command) in found.items():
         has = tools[name]["input_schema"].get("properties", {}).keys() - {"device"}
         if has != command.get("parameters", {}).keys():
-            raise TaskRefused(f"the tool {name} has other parameters than the grammar of the profile {profile['name']}")
+            raise TaskRefused(
+                f"the tool {name} has other parameters than the protocol definition of the profile {profile['name']}"
+            )
     return found
 
 

@@ -49,7 +49,7 @@ def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnosti
     out = []
     for module, inside in _foreign_imports(artifacts).items():
         if module not in provided:
-            summary = f"server.py imports {shown(module)}, and nothing is said to provide it"
+            summary = f"server.py imports {shown(module)}, and imports names nothing that provides it"
             hint = "add it to imports with the requirement that provides it"
         elif normalised(provided[module]) in failed and not inside:
             summary = f"server.py imports {shown(module)} at its top, but {shown(provided[module])} failed to install"
@@ -74,7 +74,7 @@ def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         else:
             fits = normalised(provider) in names
         if not fits:
-            summary = f"{shown(item['module'])} is said to come from {shown(provider)}, which does not provide it"
+            summary = f"{shown(item['module'])} is declared to come from {shown(provider)}, which does not provide it"
             hint = "name one of requirements; `python` is the standard library, `runtime` only the module runtime"
             where = pointer("imports", index, "provided_by")
             out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
@@ -88,7 +88,7 @@ def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, item in enumerate(value["imports"]):
         module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
         if first.setdefault(module, provider) != provider:
-            summary = f"{shown(module)} is said to come from {shown(first[module])} and from {shown(provider)}"
+            summary = f"{shown(module)} is declared to come from {shown(first[module])} and from {shown(provider)}"
             where = pointer("imports", index, "provided_by")
             hint = "require the one whose build has what the server calls, and leave the other out"
             out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
@@ -113,7 +113,7 @@ def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             fits = False
         if not fits:
             summary = f"{shown(item['name'])} {shown(item['version'])} is outside of the header's range {shown(text)}"
-            hint = "take a version within the range; if none works, say so in `error` for the next SERVE"
+            hint = "take a version within the range; if none works, report that in `error` for the next SERVE"
             where = pointer("requirements", index, "version")
             out.append(error("DEPLOY-VERSION-OUTSIDE", summary, pointer=where, hint=hint))
     return out
@@ -145,7 +145,7 @@ def version_early(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             continue  # outside of every range
         if early:
             summary = f"{shown(name)} {shown(text)} is no finished release"
-            hint = "take a finished release unless only this one works, and say so in `why`"
+            hint = "take a finished release; if only this one works, state that in `why`"
             where = pointer("requirements", index, "version")
             out.append(warning("DEPLOY-VERSION-EARLY", summary, pointer=where, hint=hint))
     return out
@@ -248,7 +248,7 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "DEPLOY-REQUIREMENT-UNUSED",
-            f"{shown(item['name'])} provides no import and does not say why it is required",
+            f"{shown(item['name'])} provides no import and gives no reason why it is required",
             pointer=pointer("requirements", index),
             hint="take it out, or write its purpose into `why`",
         )
@@ -270,7 +270,7 @@ def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
             "DEPLOY-PROGRAMS-DIFFER",
             f"server.py does not start {shown(name)}",
             pointer=pointer("programs", index, "name"),
-            hint="list the programs that stand first in its lists for subprocess, spelt as there",
+            hint="list the programs that are first in its lists for subprocess, spelt as there",
         )
         for index, name in enumerate(listed)
         if name not in started

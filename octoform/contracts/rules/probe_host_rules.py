@@ -87,7 +87,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     if not missing:
         return []
     count = f"{len(missing)} devices" if len(missing) > 1 else "1 device"
-    hint = "list each with what the system says of it; what cannot be listed is in left_out, with a reason"
+    hint = "list each with what the system shows of it; put what cannot be listed into left_out, with a reason"
     out = []
     # A prompt cuts a long finding, so that each names as many as it can show.
     for first in range(0, len(missing), LISTED_AT_ONCE):
@@ -141,7 +141,7 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "PROBE-SCAN-UNTOLD",
-            f"devices on {shown(name)} are listed, and no scan that worked says how they were found",
+            f"devices on {shown(name)} are listed, and no scan that worked shows how they were found",
             pointer="/scan_methods",
             hint=f"list every way of looking with its status, with the bus or class in its name, such as {shown(name)}",
         )

@@ -140,7 +140,7 @@ def rights(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 def device_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan tells of using a device or of asking a bus who answers."""
-    hint = "read what the kernel already says; open no device, and send nothing on a bus to find out who answers"
+    hint = "read what the kernel already shows; open no device, and send nothing on a bus to find out who answers"
     return _telling(value, _OPENED, "PROBE-DEVICE-OPENED", "PROBE may open no device", hint)
 
 
@@ -238,7 +238,7 @@ def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hi
 
 def _touched(text: str, where: str) -> Diagnostic:
     summary = f"PROBE may not open a terminal line: {shown(text)}"
-    hint = "read what the kernel already says about the line and leave the line itself closed"
+    hint = "read what the kernel already shows about the line and leave the line itself closed"
     return error("PROBE-TTY-OPENED", summary, pointer=where, hint=hint)
 
 
@@ -257,10 +257,10 @@ def _dashed(text: str) -> str:
 # nothing.
 
 _COPY = (
-    "copy what the system says, letter by letter; what the device is, the next stage says, and a reading that changes "
-    "stands nowhere"
+    "copy what the system shows, letter by letter; the next stage decides what the device is; "
+    "write a reading that changes nowhere"
 )
-_ALONE = "it is in `instance` alone, so that two hosts of the same kind say the same; take it out of the text"
+_ALONE = "it belongs into `instance` alone, so that two hosts of the same kind have the same text; take it out"
 _WORD = re.compile(r"[^\W_]+")
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
 _NUMBERED = re.compile(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")
@@ -285,7 +285,7 @@ def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         line = text[min(found["line"], len(text)) - 1]
         place = f"line {found['line']} of {found['member']}" if len(text) > 1 else found["member"]
         words = ", ".join(shown(word) for word in found["words"][:8])
-        summary = f"{place} of {shown(device['id'])} is {shown(line)}; the system says nowhere of it: {words}"
+        summary = f"{place} of {shown(device['id'])} is {shown(line)}; the system does not show of it: {words}"
         where = pointer("devices", index, found["member"])
         out.append(error("PROBE-TEXT-NOT-OF-HOST", summary, pointer=where, hint=_COPY))
     return out
@@ -298,7 +298,7 @@ def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         said = {word for text in _strings(device) for word in _words(text)}
         lost = [word for word in _words(true["name"]) if word not in said and len(word) > 1]
         if lost and not set(_words(true["interface"])) >= set(lost) and set(lost) != {"device"}:
-            summary = f"what is said of {shown(device['id'])} has nothing of {', '.join(map(shown, lost[:6]))}"
+            summary = f"the text of {shown(device['id'])} has nothing of {', '.join(map(shown, lost[:6]))}"
             hint = f"copy the system's own strings: it is called {shown(true['name'])} there"
             where = pointer("devices", index, "raw_descriptor")
             out.append(error("PROBE-TEXT-MISSING", summary, pointer=where, hint=hint))
@@ -320,7 +320,7 @@ def instance_in_text(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
                 if mark is None and len(port) > 2 and _PLACE_KEY.match(line) and re.search(_whole(port), line):
                     mark = port
                 if mark is not None:
-                    summary = f"{shown(line)} says where this copy of {shown(device['id'])} is: {shown(mark)}"
+                    summary = f"{shown(line)} shows where this copy of {shown(device['id'])} is: {shown(mark)}"
                     where = pointer("devices", index, member)
                     out.append(error("PROBE-INSTANCE-IN-TEXT", summary, pointer=where, hint=_ALONE))
     return out

@@ -41,7 +41,7 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
     return [
         error(
             CODE,
-            f"{shown(capability['name'])} acts on {shown(device['id'])} through a raw line, and no profile says how",
+            f"{shown(capability['name'])} acts on {shown(device['id'])} through a raw line, and no profile defines how",
             pointer=pointer("devices", index, "capabilities", at),
             hint=f"leave it out; {cure(device['id'], artifacts)}; it gives limits and how to stop",
         )
@@ -64,7 +64,7 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             member, why = found
             summary = f"{shown(capability['name'])} of {shown(device['id'])} is declared read, and {why}"
             where = pointer("devices", index, "capabilities", at, member)
-            hint = f"leave it out, or say what it reads; {cure(device['id'], artifacts)}"
+            hint = f"omit it, or describe what it reads; {cure(device['id'], artifacts)}"
             out.append(error(READ, summary, pointer=where, hint=hint))
     return out
 
@@ -78,10 +78,12 @@ def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue
         if _capability_moves(capability) or _says_what_it_gives(device, capability, probed[device["id"]], artifacts):
             continue
-        summary = f"nothing that {shown(device['id'])} says of itself tells what {shown(capability['name'])} would read"
+        summary = f"no string of {shown(device['id'])} shows what {shown(capability['name'])} would read"
         where = pointer("devices", index, "capabilities", at)
         hint = "a board or an adapter is a part: write category unknown, confidence 0.0, no capabilities, and in "
-        hint += "`missing` the question what it is used for; where its strings say it in another language, `says` tells"
+        hint += (
+            "`missing` the question what it is used for; where its strings have it in another language, `says` names it"
+        )
         out.append(error(UNFOUNDED, summary, pointer=where, hint=hint))
     return out
 
@@ -111,7 +113,7 @@ def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if found is not None and not _is_told(tool):
             where, why = found
             summary = f"{shown(tool['name'])} is declared read on {shown(known[0])}, and {why}"
-            hint = "say what it reads and let parameters only select it, or leave the capability out as `unsafe`; "
+            hint = "describe what it reads and let parameters only select it, or skip the capability as `unsafe`; "
             out.append(
                 error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint + cure(known[0], artifacts))
             )
@@ -131,8 +133,12 @@ def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = (
                     f"{shown(tool['name'])} is declared read, and {shown(name)}, which it limits, is for the device"
                 )
-                acts = "leave a capability that acts out as `unsafe`"
-                acts = acts if open_lines.intersection(tool["devices"]) else "a tool that acts says so in its `effect`"
+                acts = "skip a capability that acts as `unsafe`"
+                acts = (
+                    acts
+                    if open_lines.intersection(tool["devices"])
+                    else "a tool that acts declares that in its `effect`"
+                )
                 hint = f"a tool that reads takes no such parameter; {acts}"
                 where = pointer("tools", index, "limits", at)
                 out.append(error(LIMITED, summary, pointer=where, hint=hint))
@@ -152,11 +158,11 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if item["reason"] != "unsafe" or name in open_lines:
             continue
         if name in held:
-            why = f"the profile {shown(held[name])} says how it is driven"
-            hint = f"add {'a tool for each command of its grammar' if name in commanded else 'its tools'}"
+            why = f"the profile {shown(held[name])} defines how it is driven"
+            hint = f"add {'a tool for each command of its protocol definition' if name in commanded else 'its tools'}"
             hint += "; its limits bind every call, and what no one is to call is denied in the `policy` of octopus.yaml"
         elif name in artifacts.answers:
-            why = f"its owner says what it is: {shown(artifacts.answers[name])}"
+            why = f"its owner answered what it is: {shown(artifacts.answers[name])}"
             hint = "add its tools, with limits; what no one is to call is denied in the `policy` of octopus.yaml"
         else:
             why = "it is reached by an interface of the system and not by a raw line alone"
@@ -218,7 +224,7 @@ def cure(device: str, artifacts: Artifacts) -> str:
             f"for its owner alone: `profiles: [{artifacts.offered[device]}]` in octopus.yaml, a profile that matches it"
         )
     drafts = f"`octoform profile new {device}` drafts a profile"
-    return f"for its owner alone: {drafts}, `octoform answer {device}` says what it is"
+    return f"for its owner alone: {drafts}, `octoform answer {device}` records what it is"
 
 
 def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
@@ -259,10 +265,10 @@ def _capability_moves(capability: JsonObject) -> tuple[str, str] | None:
     if word := name_moves(capability["name"]):
         return "name", f"{shown(word)} is no reading"
     if words := speaks_of_change(capability["description"]):
-        return "description", f"its description says {shown(words)}"
+        return "description", f"its description has {shown(words)}"
     for name, fact in capability.get("parameters", {}).items():
         if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(fact))), None):
-            return "parameters", f"its parameter {shown(name)} says {shown(words)}"
+            return "parameters", f"its parameter {shown(name)} has {shown(words)}"
     return None
 
 
@@ -270,13 +276,13 @@ def _tool_moves(tool: JsonObject) -> tuple[tuple[str, ...], str] | None:
     if word := name_moves(tool["name"]):
         return ("name",), f"{shown(word)} is no reading"
     if words := speaks_of_change(tool["description"]):
-        return ("description",), f"its description says {shown(words)}"
+        return ("description",), f"its description has {shown(words)}"
     for name, member in tool["input_schema"].get("properties", {}).items():
         if isinstance(member, dict) and (why := carries(name, member, tool["devices"])):
             return ("input_schema", "properties", name), f"of its parameter {shown(name)}, {why}"
     for name, member in tool.get("output_schema", {}).get("properties", {}).items():
         if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(member))), None):
-            return ("output_schema", "properties", name), f"its result {shown(name)} says {shown(words)}"
+            return ("output_schema", "properties", name), f"its result {shown(name)} has {shown(words)}"
     return None
 
 

@@ -200,7 +200,7 @@ def orders(code: str) -> RuleCheck:
         for where, text in _told(value, ""):
             hit = _ORDERS.search(text)
             if hit is not None:
-                hint = "say what is wrong and what would be right; name no command and no address, wherever they stood"
+                hint = "describe what is wrong and what would be right; name no command and no address"
                 summary = f"the report hands on {shown(hit.group(), 40)}"
                 found.append(error(code, summary, pointer=where, hint=hint))
         return found
@@ -315,7 +315,7 @@ def _elsewhere(code: str) -> RuleCheck:
             fit = source in sources_of(target, artifacts)
             if fit and (target.unit is None or target.unit in path.split("/")):
                 continue
-            summary = f"{_signal(claim)} says nothing about {shown(claim['target'])}"
+            summary = f"{_signal(claim)} is no signal of {shown(claim['target'])}"
             hint = "claim only of that whose signal you read" if fit else "name the tool or the device that it is of"
             found.append(error(code, summary, pointer=where + "/signal", hint=hint))
         return found

@@ -98,7 +98,7 @@ def device_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     if device is None and facts.idle:
         return []
     if facts.kind == "frame":
-        allowed, hint = device is None, "write null: nothing moves, and the camera stands under `camera`"
+        allowed, hint = device is None, "write null: nothing moves, and the camera is in `camera`"
     elif facts.needs_profile:
         allowed, hint = device in facts.devices, f"write {' or '.join(facts.devices) or 'nothing: there is none'}"
     else:
@@ -124,17 +124,15 @@ def wrong_proof(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     if frame and (value["trials"] or value["skipped"]):
         found.append(("nothing is moved in this step", "/trials", "write empty lists"))
     if not frame and not value["trials"]:
-        found.append(("nothing is tried, so nothing is proved", "/trials", "write a trial for each unit"))
+        found.append(("nothing is tested, so nothing is proved", "/trials", "write a hardware test for each unit"))
     for index, trial in enumerate(value["trials"] if not frame else ()):
         for name, kind in (("read", "reading"), ("view", "view")):
             if (trial[name] is not None) != (facts.kind == kind):
-                summary = (
-                    f"the proof is of the kind {facts.kind}, which has {'a' if facts.kind == kind else 'no'} {name}"
-                )
-                hint = f"say how to {name} before and after" if facts.kind == kind else "write null"
+                summary = f"a hardware test of the kind {facts.kind} has {'a' if facts.kind == kind else 'no'} {name}"
+                hint = f"describe how to {name} before and after" if facts.kind == kind else "write null"
                 found.append((summary, pointer("trials", index, name), hint))
         if trial.get("restore") is not None and facts.kind != "reading":
-            summary = f"the proof is of the kind {facts.kind}, after which nothing is restored"
+            summary = f"the hardware test is of the kind {facts.kind}, after which nothing is restored"
             found.append((summary, pointer("trials", index, "restore"), "write null"))
     return [error("STEP-WRONG-PROOF", summary, pointer=where, hint=hint) for summary, where, hint in found]
 
@@ -208,7 +206,7 @@ def _arguments(item: JsonObject, given: dict[str, Any], varied: list[str], where
         hint = f"did you mean {near}?" if near else f"its parameters are {listed(known)}"
         summary = f"{shown(item['name'])} has no parameter {shown(name)}"
         if name in varied:
-            summary, hint = f"{shown(name)} is varied, and stands among the arguments too", "take it out of them"
+            summary, hint = f"{shown(name)} is varied, and is among the arguments too", "take it out of them"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
     absent = [name for name in item["input_schema"].get("required", ()) if name not in given and name not in varied]
     if absent:
@@ -224,7 +222,7 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     }
     named = [item["unit"] for item in (*value["trials"], *value["skipped"])]
     found = [
-        (f"the unit {shown(unit)} stands twice", where[index], "try each unit once")
+        (f"the unit {shown(unit)} is there twice", where[index], "test each unit once")
         for index, unit in enumerate(named)
         if unit in named[:index]
     ]
@@ -232,8 +230,8 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for parameter, names in offered.items():
         absent = sorted(set(names) - set(named))
         if absent:
-            summary = f"the {parameter} {listed(absent)} is neither tried nor skipped"
-            found.append((summary, "/trials", "write a trial for it; only what the profile disables is skipped"))
+            summary = f"the {parameter} {listed(absent)} is neither tested nor skipped"
+            found.append((summary, "/trials", "write a hardware test for it; skip only what the profile disables"))
     for index, trial in enumerate(value["trials"]):
         found += _misnamed(trial, offered, pointer("trials", index))
     return [error("STEP-UNCOVERED-UNIT", summary, pointer=place, hint=hint) for summary, place, hint in found]
@@ -246,7 +244,7 @@ def _misnamed(trial: JsonObject, offered: dict[str, tuple[str, ...]], where: str
         for parameter in offered:
             if parameter in arguments and arguments[parameter] != trial["unit"]:
                 other = shown(arguments[parameter])
-                summary = f"the trial of {shown(trial['unit'])} has the {parameter} {other} in its {part}"
+                summary = f"the hardware test of {shown(trial['unit'])} has the {parameter} {other} in its {part}"
                 yield summary, f"{where}{place}/arguments/{parameter}", f"write {trial['unit']}"
 
 
@@ -258,7 +256,7 @@ def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         where = pointer("skipped", index)
         if item["unit"] not in disabled:
             summary = f"the unit {shown(item['unit'])} is skipped, and the profile does not disable it"
-            hint = "try it; a broken one is disabled in the profile's rig by its owner"
+            hint = "test it; its owner disables a broken one in the profile's rig"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/unit", hint=hint))
         if not item["reason"].strip():
             summary = f"the unit {shown(item['unit'])} is skipped without a reason"
@@ -277,9 +275,9 @@ def too_small(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "STEP-TOO-SMALL",
-            f"{shown(trial['unit'])} is to move by {trial['move']['by']}, and the proof asks for {facts.minimum:g}",
+            f"{shown(trial['unit'])} is to move by {trial['move']['by']}, and the test requires {facts.minimum:g}",
             pointer=pointer("trials", index, "move", "by"),
-            hint=f"move by more than {facts.minimum:g}, far enough to be told from a jitter",
+            hint=f"move by more than {facts.minimum:g}, far enough to be distinguished from a jitter",
         )
         for index, trial in enumerate(value["trials"])
         if facts.kind == "reading" and abs(trial["move"]["by"]) < facts.minimum

@@ -52,7 +52,7 @@ def interface_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         others = sorted(set(properties if isinstance(properties, dict) else ()) - {"device"})
         if stops is not wanted:
             word = "true" if wanted else "false"
-            summary = f"{shown(tool['name'])} does not say of stopping what its capability says"
+            summary = f"{shown(tool['name'])} and its capability differ in `stops`"
             where, hint = pointer("tools", index), f'write "stops": {word}'
         elif stops and others:
             summary = f"{shown(tool['name'])} stops, and takes the parameter {shown(others[0])}"

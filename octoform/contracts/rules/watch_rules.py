@@ -24,7 +24,10 @@ def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
     fatal = any(item["severity"] == "fatal" for item in errors)
     problem = None
     if status == "healthy" and held:
-        problem = "the status is healthy, and the report lists a trouble", "write degraded or error, or leave it out"
+        problem = (
+            "the status is healthy, and the report lists a problem",
+            "write degraded or error, or remove the problem",
+        )
     elif status in _GRAVE and not errors:
         problem = f"the status is {status}, and the report lists no error", "write the error with what shows it"
     elif status == "degraded" and not held and not facts_of(artifacts).claims:
@@ -84,7 +87,7 @@ def _unproved(item: JsonObject, facts: DutyFacts) -> tuple[str, str] | None:
     kind, device = item["class"], item["device"]
     there = facts.newest_value((KERNEL, device, "/there")) if device is not None else None
     if kind == "dead_process" and not _dead(item, facts):
-        return "no newest reading of the process says that it is dead", "cite that reading, or take another class"
+        return "no newest reading of the process shows that it is dead", "cite that reading, or take another class"
     if kind == "device_moved" and device is None:
         return "no device is named that moved", "name it, or take another class"
     if kind == "device_moved" and there is False:
@@ -145,8 +148,8 @@ def declaration_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
         where = pointer("declarations", index, "cites")
         old = [identity for identity in item["cites"] if identity in known - now]
         if old:
-            summary = f"the declaration rests on {listed(old)}, and a newer reading of that signal is there"
-            hint = "cite the newest readings, or leave the declaration out"
+            summary = f"the permanent restriction rests on {listed(old)}, and a newer reading of that signal is there"
+            hint = "cite the newest readings, or remove the permanent restriction"
             found.append(error("WATCH-DECLARATION-UNPROVED", summary, pointer=where, hint=hint))
         elif not any(about(identity, Target.of(item["target"]), artifacts) for identity in item["cites"]):
             summary = f"nothing that is cited is about {shown(item['target'])}"
@@ -162,13 +165,15 @@ def physical_state(value: JsonObject, artifacts: Artifacts) -> Found:
     if state["available"] and not facts.frames:
         found.append(("it is called available, and no frame was given", "/physical_state/available", "write false"))
     if state["available"] and state["seen"] is None:
-        found.append(("it is available, and nothing is said to be seen", "/physical_state/seen", "say what is seen"))
+        found.append(
+            ("it is available, and nothing is reported as seen", "/physical_state/seen", "describe what is seen")
+        )
     if state["available"] and state["reason"] is not None:
         found.append(("it is available, and a reason is given why not", "/physical_state/reason", "write null"))
     if not state["available"] and state["seen"] is not None:
-        found.append(("it is not available, and something is said to be seen", "/physical_state/seen", "write null"))
+        found.append(("it is not available, and something is reported as seen", "/physical_state/seen", "write null"))
     if not state["available"] and not (state["reason"] or "").strip():
-        found.append(("it is not available, and no reason is given", "/physical_state/reason", "say why"))
+        found.append(("it is not available, and no reason is given", "/physical_state/reason", "give the reason"))
     if not state["available"]:
         found += _on_frames(value, facts)
     return [error("WATCH-PHYSICAL-STATE", summary, pointer=where, hint=hint) for summary, where, hint in found]

@@ -266,7 +266,7 @@ class Trying:
             return None
         told = f"{frozen}; {hint(finding.kind, finding.target)}"
         self.troubles.stands(finding, Outcome.FROZEN, facts, told)
-        return f"frozen: {frozen}"
+        return f"given up: {frozen}"
 
     def _bar(self, finding: Finding, acting: Finding, facts: Facts, waits: Waits, paused: bool) -> str | None:
         """Why the next repair is not made now; None when it is. Also tells ``waits`` when it will be due."""

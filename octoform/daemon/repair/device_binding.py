@@ -41,7 +41,7 @@ def _bound(layout: Layout, device: str, where: Where) -> Done:
     answers = where([device])
     found = (answers or {}).get(device)
     if found is None:
-        return Done(False, f"where {device} is cannot be told now")
+        return Done(False, f"where {device} is cannot be determined now")
     if not found["attached"]:
         return Done(False, f"{device} is not attached")
     if found["doubt"]:

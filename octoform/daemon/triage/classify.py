@@ -75,7 +75,7 @@ def _counts(entries: Sequence[str]) -> Counter[str]:
 def _doubt(name: str, now: Sighting) -> Finding | None:
     if now.doubt is None:
         return None
-    summary = f"which device {name} is cannot be told for certain, so nothing that moves is called on it"
+    summary = f"which device {name} is cannot be determined for certain, so nothing that moves is called on it"
     kind, fault, target = Kind.DEVICE_DOUBTFUL, FaultClass.DEVICE_MOVED, f"device:{name}"
     return Finding(kind, fault, target, summary, ("in doubt",), Repair.PERSON, detail=now.doubt[:400])
 

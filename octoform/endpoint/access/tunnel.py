@@ -54,7 +54,7 @@ def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]
         found = parse(done.stdout)
         proved = done.returncode == 0 and found["proved"] is True
     except (OSError, subprocess.TimeoutExpired, ValueError, LookupError, TypeError) as problem:
-        return None, [_not_proved(f"the proof could not be made: {problem}")]
+        return None, [_not_proved(f"the check could not be made: {problem}")]
     if (told is None or "proved" not in told) and found["pid"] is not None:
         # No process has written it. The tunnel is gone either way, so a log that cannot be written changes nothing.
         offline_commands.ask(layout, "note", {"event": "tunnel_revoked", "by": by, **found})

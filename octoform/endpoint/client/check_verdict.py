@@ -233,7 +233,7 @@ def _call(call: TrialCall, seen: bool, lacked: Lacked | None) -> list[Diagnostic
         return [warning("ENDPOINT-TOOL-NOT-TRIED", f"{call.tool} was not tried: {call.skipped}", hint=_SMOKE)]
     found = []
     if not call.logged and call.error_class != "Timeout":
-        summary = f"the trial call of {call.tool} is not in the call log"
+        summary = f"the test call of {call.tool} is not in the call log"
         hint = "wrap every tool in runtime.logged, outermost below the tool decorator"
         found.append(error("ENDPOINT-CALL-NOT-LOGGED", summary, detail=call.message, hint=hint))
     if not call.ok:
@@ -242,7 +242,7 @@ def _call(call: TrialCall, seen: bool, lacked: Lacked | None) -> list[Diagnostic
 
 
 _KNOWLEDGE = (
-    "add a profile that matches its device (octoform profile new DEVICE drafts one), say what it is (octoform answer), "
+    "add a profile that matches its device (octoform profile new DEVICE drafts one), describe it (octoform answer), "
     "or allow the tool by a rule of `policy` in octopus.yaml; until then a person is asked at each call"
 )
 _SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"

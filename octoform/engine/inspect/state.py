@@ -124,7 +124,7 @@ def _has_artifact(name: str) -> bool:
 def _not_to_be_accepted(opened: Found, name: str) -> list[Diagnostic]:
     """What stands in the way before any artifact is looked at."""
     if name not in opened.compiled.graph.names():
-        summary = f"the step {name} is not switched on, so nothing says what it would be accepted as"
+        summary = f"the step {name} is not switched on, so no input hash exists for its artifact"
         return [error("STATE-NO-NODE", summary, hint="name it under privileged_steps first")]
     if not _has_artifact(name):
         summary = f"{name} is no artifact, so there is nothing to accept"

@@ -175,7 +175,7 @@ def available(caller: Mapping[str, str], sandbox: Sandbox) -> Diagnostic | None:
 def unconfined(caller: Mapping[str, str], sandbox: Sandbox | None) -> str:
     """Why an agent with this setting runs without a sandbox here; empty when it is confined, or does not run at all."""
     if sandbox is None:
-        return "octopus.yaml says `sandbox: false`"
+        return "octopus.yaml has `sandbox: false`"
     problem = None if sandbox.required else available(caller, sandbox)
     return problem.summary if problem is not None else ""
 

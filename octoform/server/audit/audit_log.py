@@ -258,7 +258,7 @@ class Audit:
             if status.st_nlink and not rotated:
                 break
             if time.monotonic() >= deadline:
-                raise AuditFailed(f"{self._path}: it is set aside again and again before it can be written")
+                raise AuditFailed(f"{self._path}: it is rotated again and again before it can be written")
             self._reopen()
         known += [
             self._sealed(path) or (0, ORIGIN) for path in self._sealed_at
@@ -321,7 +321,7 @@ def _bounded(value: Any, depth: int) -> Any:
     if value is None or kind is bool:
         return value
     if kind is int:
-        return value if value.bit_length() <= 64 else f"a whole number of {value.bit_length()} bits"
+        return value if value.bit_length() <= 64 else f"an integer of {value.bit_length()} bits"
     if kind is float:
         return value if value - value == 0 else str(value)
     if isinstance(value, Mapping):

@@ -107,9 +107,9 @@ class _Check:
     def _misplaced(self, number: int) -> str:
         expected = self._seq + 1
         if number == expected:
-            return f"record {number} does not follow from what stands before it: record {number - 1} was changed"
+            return f"record {number} does not follow from the one before it: record {number - 1} was changed"
         if number < expected:
-            return f"record {number} stands after record {self._seq}: it was moved or added"
+            return f"record {number} comes after record {self._seq}: it was moved or added"
         gap = f"record {expected}" if number == expected + 1 else f"records {expected} to {number - 1}"
         return f"{gap} before record {number} went missing: removed or moved"
 
@@ -131,7 +131,7 @@ class _Check:
             self._note = "the last line is incomplete: it is being written, or the process ended while it wrote"
         self._settle(None)
         if self._seal is None and any_file:
-            self._wrong(f"the seal {SEAL} is missing or damaged: whether the end was cut off cannot be told", SEAL, 1)
+            self._wrong(f"the seal {SEAL} is missing or damaged: whether the end was cut off is unknown", SEAL, 1)
         elif self._seal is not None and self._seal[0] > self._seq:
             self._cut(self._seal[0], "cut off")
         elif self._witness is not None and self._witness[0] > self._seq:

@@ -88,7 +88,7 @@ class Emergency:
         with _told(problems, self.unwritten):
             self.latch.engage(by, reason)
         if (why := self.latch.wordless) is not None:
-            problems.append(f"the latch stands, but has no room for who engaged it and why: {_sentence(why)}")
+            problems.append(f"the latch is engaged, but has no room for who engaged it and why: {_sentence(why)}")
         running = _interrupted(interrupt, problems)
         act = partial(_begin, self.actions, find or node_of)
         jobs = act()

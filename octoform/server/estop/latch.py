@@ -83,7 +83,7 @@ class Latch:
         ``by`` may not be empty: somebody has to answer for it, and the caller records who.
         """
         if not by:
-            raise ValueError("nobody clears the latch")
+            raise ValueError("no person is named who clears the latch")
         before = self.engaged()
         with contextlib.suppress(FileNotFoundError):
             self.path.unlink()

@@ -114,7 +114,7 @@ REPLAYED = Reply(
 )
 DECLINED = Reply("declined", "the person declined this call. Do not try it again unless they ask for it")
 CANCELLED = Reply("cancelled", "the person closed the question without an answer, so the call was not made")
-UNANSWERED = Reply("unanswered", f"nobody answered within {VALID_SECONDS:.0f} s, so the call was not made")
+UNANSWERED = Reply("unanswered", f"no one answered within {VALID_SECONDS:.0f} s, so the call was not made")
 
 
 @dataclass(frozen=True, slots=True)

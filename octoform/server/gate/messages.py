@@ -100,7 +100,7 @@ def dry_run(call: Call) -> ToolResult:
 MOST = 5
 """Sentences; what else is wrong shows in the next try."""
 DEPTH = 3
-_NAMED = {"integer": "a whole number", "number": "a number", "string": "a text", "boolean": "true or false"}
+_NAMED = {"integer": "an integer", "number": "a number", "string": "a string", "boolean": "true or false"}
 _MORE = {"array": "a list", "object": "an object", "null": "null"}
 _UNKNOWN = frozenset({"unexpected_keyword_argument", "extra_forbidden"})
 _BOUNDS = (

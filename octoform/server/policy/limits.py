@@ -323,7 +323,7 @@ def _of_goal(tool: str, limit: Limit, units: Units | None, arguments: Mapping[st
     goal = goals[limit.of]
     if not is_number(goal):
         text = (
-            f"{tool} does not tell in advance where it moves {limit.of}, whose range is limited ({limit.source})"
+            f"{tool} does not declare in advance where it moves {limit.of}, whose range is limited ({limit.source})"
             f"{_allowed(limit)}. Use a tool that is given the goal."
         )
         return Refusal("goal", text)

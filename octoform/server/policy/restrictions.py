@@ -95,7 +95,7 @@ class Entry:
         if not self.claim:
             return (
                 "nothing moves: what a person has forbidden cannot be read, neither in the ledger of claims nor in "
-                f"{NAME}. A person looks at octoform claims, which starts both again, and says what goes on"
+                f"{NAME}. A person looks at octoform claims, which starts both again, and decides what goes on"
             )
         if self.expires is None:
             kind = f"the permanent restriction {self.kind}" if self.kind else "a permanent restriction"
@@ -103,8 +103,8 @@ class Entry:
         else:
             until = self.expires_at or "its readings are clean"
             how = f"until {until} by the temporary claim {self.claim}"
-            end = "It ends by itself once readings say otherwise; octoform claims shows it"
-        return f"{self._what()} is restricted {how}, which says {self.statement[:SHOWN]!a}. {end}"
+            end = "It ends by itself once readings refute it; octoform claims shows it"
+        return f"{self._what()} is restricted {how}: {self.statement[:SHOWN]!a}. {end}"
 
     def _what(self) -> str:
         if self.device:
@@ -224,7 +224,7 @@ class Restrictions:
         if NOBODY_KNOWS in self._entries:
             kept = "nothing moves, since the ledger of claims cannot be read either"
         elif (told := self._ledger()) is not None and NOBODY_KNOWS not in told:
-            kept = "what the ledger of claims says holds"
+            kept = "the ledger of claims is in force"
         text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:
             self.problem = text

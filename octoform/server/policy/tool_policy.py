@@ -403,7 +403,7 @@ def _positive(item: Mapping[str, Any], name: str, place: str) -> float:
 def _whole(item: Mapping[str, Any], name: str, place: str) -> int:
     value = _positive(item, name, place)
     if not isinstance(value, int):
-        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is no whole number")
+        raise PolicyInvalid(f"{place}.{name} is {value!r}, which is no integer")
     return value
 
 

@@ -133,7 +133,7 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
     except runtime.DeviceAbsent:
         return False
     except (runtime.DeviceFault, OSError) as problem:
-        say(f"whether {device} is there cannot be told: {problem}")
+        say(f"whether {device} is there is unknown: {problem}")
         return None
     return True
 

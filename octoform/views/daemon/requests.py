@@ -145,7 +145,7 @@ def lines(console: Console, claim: Claim) -> Iterator[str]:
     if claim.ended is not None:
         by = f" ({', '.join(claim.ended_by)})" if claim.ended_by else ""
         yield f"    ended     {one_line(_ENDED.get(claim.ended, claim.ended) + by, WIDTH)}"
-    yield f"    said by   {claim.by} at {clock(claim.made_at)}"
+    yield f" made by   {claim.by} at {clock(claim.made_at)}"
     if claim.state is State.PENDING:
         yield f"    do        {console.paint(f'octoform confirm {claim.id}', 'bold')}, or with -reject"
 

@@ -117,7 +117,7 @@ def limits(console: Console, found: Limits, *, as_json: bool) -> int:
             console.line(f"    {escape(_limit(limit, tool))}  ({escape(str(limit['source']))})")
         if tool.unreported:
             console.line(
-                "    unknown: its results do not say where the device is afterwards, so no range is held against that"
+                "    unknown: its results do not report where the device is afterwards, so no range is checked"
             )
         for unit, text in tool.outside.items():
             told = f"the device reported {unit} {text}; nothing moves it until octoform limits -reset {tool.tool}"

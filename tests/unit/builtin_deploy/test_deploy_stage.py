@@ -80,7 +80,7 @@ def test_a_module_that_is_called_otherwise_and_its_rivals(tmp_path: Path, index:
     assert {"module": "cv2", "provided_by": "opencv-python-headless"} in artifact["imports"]
     assert artifact["requirements"][1]["version"] == "5.0.0.93"
     (line,) = artifact["conflicts"]
-    assert line.startswith("opencv-python-headless was chosen and must not stand beside")
+    assert line.startswith("opencv-python-headless was chosen and must not be installed beside")
 
 
 def test_a_profile_says_which_package_its_library_is(tmp_path: Path, index: Index) -> None:

@@ -69,7 +69,7 @@ def test_a_grammar_gives_all_the_capabilities_there_are() -> None:
     assert (steps["type"], steps["minimum"], steps["maximum"], steps["unit"]) == ("integer", -2000, 2000, "steps")
     assert found["evidence"][0] == {
         "quote": "product: Camera Rail 2",
-        "says": "the evidence rule of the profile camera-rail holds for this device",
+        "says": "the match rule of the profile camera-rail matches this device",
     }
 
 

@@ -129,7 +129,7 @@ def test_a_profile_without_a_grammar_is_left_out_with_that_reason() -> None:
     named = identify(PROBE, IdDatabases(Path("/nonexistent")), [for_task(replace(RAIL, grammar=None), {ID})])
     (left,) = declare(named, 30)["left_out"]
     assert (left["id"], left["reason"]) == (ID, "no_standard_interface")
-    assert "camera-rail" in left["detail"] and "grammar" in left["detail"]
+    assert "camera-rail" in left["detail"] and "protocol definition" in left["detail"]
 
 
 def test_a_name_of_the_catalog_is_refused() -> None:
@@ -144,7 +144,7 @@ def test_a_tool_with_other_parameters_than_the_grammar_is_not_served() -> None:
     interface, _ = made(RAIL)
     properties = interface["tools"][0]["input_schema"]["properties"]
     properties["speed"] = properties.pop("steps")
-    with pytest.raises(TaskRefused, match="other parameters than the grammar"):
+    with pytest.raises(TaskRefused, match="other parameters than the protocol definition"):
         render(interface, [for_task(RAIL, {ID})])
 
 
@@ -202,7 +202,7 @@ DIFFERENT: dict[str, Any] = {
         "rail_spin",
     ),
     "a missing one": (lambda tools: tools.pop(2), "lacks 'rail_home'"),
-    "another name": (lambda tools: change(tools[2], name="go_home"), "is no command in the grammar"),
+    "another name": (lambda tools: change(tools[2], name="go_home"), "is no command of the protocol definition"),
     "another effect": (lambda tools: change(tools[2], effect="read"), "is read, unlike the command"),
     "another parameter": (
         lambda tools: tools[0]["input_schema"]["properties"].update(speed={"type": "integer"}),

@@ -182,15 +182,15 @@ def test_answers_are_typed(load: Callable[[Bench], Server]) -> None:
 @pytest.mark.parametrize(
     ("answer", "told"),
     [
-        (b"S warm;7 on\n", "answered 'S?' with 'S warm;7 on', which its grammar does not know"),
-        (b"S 1;7 broken\n", "which its grammar does not know"),
-        (b"S 1;7.5 on\n", "which its grammar does not know"),
-        (b"OK.\n", "which its grammar does not know"),
+        (b"S warm;7 on\n", "answered 'S?' with 'S warm;7 on', which its protocol definition does not know"),
+        (b"S 1;7 broken\n", "which its protocol definition does not know"),
+        (b"S 1;7.5 on\n", "which its protocol definition does not know"),
+        (b"OK.\n", "which its protocol definition does not know"),
         (b"E(too \x1b[2Jhot)\n", r"refused 'S?': 'too \x1b[2Jhot'"),
         (b"x" * 5000 + b"\n", "with '" + "x" * 200 + "', which"),
         (b"S 1;7 on", "did not answer 'S?' within 2 s; it may still do it"),
         (b"\xff\xfe\n", r"with '\xff\xfe', which"),
-        (b"S " + b"9" * 190 + b";7 on\n", "which its grammar does not know"),
+        (b"S " + b"9" * 190 + b";7 on\n", "which its protocol definition does not know"),
     ],
 )
 def test_what_is_no_answer_is_an_error_that_shows_it(load: Callable[[Bench], Server], answer: bytes, told: str) -> None:
@@ -212,7 +212,7 @@ def test_a_late_answer_is_waited_for_and_thrown_away(load: Callable[[Bench], Ser
 
 def test_the_answer_behind_an_echo_is_not_taken_for_that_of_the_next_command(load: Callable[[Bench], Server]) -> None:
     server = load(bench := Bench(answers=[(0, b"N?\n"), (1.5, b"N the former one\n")]))
-    with pytest.raises(DeviceFault, match="answered 'N\\?' with 'N\\?', which its grammar does not know"):
+    with pytest.raises(DeviceFault, match="answered 'N\\?' with 'N\\?', which its protocol definition does not know"):
         server.lamp_name()
     bench.answers = [(1.9, b"N Sun\n")]
     assert server.lamp_name()["label"] == "Sun"

@@ -168,7 +168,7 @@ def test_the_camera_that_is_looked_through(cameras: list[dict[str, Any]], chosen
 
 def test_what_no_grammar_describes_is_not_moved() -> None:
     rail, arm = profile("camera-rail"), profile("so-arm101")
-    with pytest.raises(TaskRefused, match="no grammar"):
+    with pytest.raises(TaskRefused, match="no protocol definition"):
         answer(the_input("arm", "reading", 50, tools_of(rail)), a_task(rail))
     with pytest.raises(TaskRefused, match="no tool of this device does move_unit"):
         answer(the_input("arm", "reading", 50, []), a_task(arm))

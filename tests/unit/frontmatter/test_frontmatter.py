@@ -62,7 +62,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     large.write_bytes(b"---\nname: x\n---\n" + b"x" * frontmatter.MOST_BYTES)
     assert "larger than" in frontmatter.read(large, "CODE")[1][0].summary
     absent = frontmatter.read(tmp_path / "absent.md", "CODE")[1][0]
-    assert "cannot be read" in absent.summary and "put a text file in its place" in str(absent.hint)
+    assert "cannot be read" in absent.summary and "replace it by a text file" in str(absent.hint)
 
 
 def test_byte_order_mark_and_line_ends_do_not_matter(tmp_path: Path) -> None:

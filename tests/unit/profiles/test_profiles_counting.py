@@ -27,7 +27,7 @@ def test_counting_and_stopping_are_commands_after_the_others() -> None:
 @pytest.mark.parametrize(
     ("old", "new", "says"),
     [
-        ("    zero: rail_home\n", "", "None is no command of this grammar"),
+        ("    zero: rail_home\n", "", "None is no command of this protocol definition"),
         ("    zero: rail_home\n", "    zero: rail_hom\n", "did you mean 'rail_home'"),
         ("    zero: rail_home\n", "    zero: rail_move_x\n", "takes parameters, so it is no origin"),
         ("    until: rail_home\n", "    until: rail_hom\n", "did you mean 'rail_home'"),
@@ -35,7 +35,7 @@ def test_counting_and_stopping_are_commands_after_the_others() -> None:
         ("    tool: rail_position\n", "    tool: rail_move_x\n", "occurs twice"),
         ("    tool: rail_stop\n", "    tool: rail_position\n", "occurs twice"),
         ("    tool: rail_stop\n", "    tool: stop\n", "no usable tool name"),
-        (X, "x: {tool: rail_move_z, parameter: steps}", "is no command of this grammar"),
+        (X, "x: {tool: rail_move_z, parameter: steps}", "is no command of this protocol definition"),
         (X, "x: {tool: rail_move_x, parameter: step}", "did you mean 'steps'"),
         (X, "x: {tool: rail_move_y, parameter: steps}", "two axes count the same"),
         (X, "X: {tool: rail_move_x, parameter: steps}", "no usable name of an axis"),

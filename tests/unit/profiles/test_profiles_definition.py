@@ -160,7 +160,7 @@ def test_what_nobody_acknowledges_is_neither_counted_nor_ends_a_stop() -> None:
     profile, found = load_text(text, "octopus.yaml")
     assert profile is None
     (problem,) = found
-    assert "'lamp_dim' is no command of this grammar that is acknowledged" in problem.summary
+    assert "'lamp_dim' is no command of this protocol definition that is acknowledged" in problem.summary
 
 
 def test_a_problem_names_its_line_and_column() -> None:

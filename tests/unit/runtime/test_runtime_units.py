@@ -101,7 +101,7 @@ def test_torque_that_stays_off_is_seen_before_the_goal_is_written(bench: Bench) 
     text = fails(bench, "move", ELBOW, 2080, 400)
     assert "is not switched on: its torque is 0 after 1 was written; it was not moved" in text
     assert (3, 42, 2080) not in bench.writes
-    assert "was told torque = 1, and its torque is 0" in fails(bench, "torque", ELBOW, True)
+    assert "was set to torque = 1, and its torque is 0" in fails(bench, "torque", ELBOW, True)
 
 
 def test_a_short_way_is_judged_by_its_own_length(bench: Bench) -> None:
@@ -380,7 +380,7 @@ def test_a_file_that_is_no_calibration_is_said_to_be_none(
 def test_two_files_are_one_too_many(calibrated: Bench, tmp_path: Path) -> None:
     calibration(calibrated, tmp_path)
     calibration(calibrated, tmp_path, "other.json")
-    told = "there are 2 calibration files and nothing tells which is meant: ~/cal/arm.json, ~/cal/other.json"
+    told = "there are 2 calibration files and nothing shows which is meant: ~/cal/arm.json, ~/cal/other.json"
     assert told in fails(calibrated, "move_percent", ELBOW, 0, 400)
 
 
@@ -388,7 +388,7 @@ def test_a_file_with_other_ids_moves_nothing(calibrated: Bench, tmp_path: Path) 
     calibration(calibrated, tmp_path, wrist_flex={"id": 5}, wrist_roll={"id": 4})
     for do, words in (("move", (ELBOW, 2500, 400)), ("move_many", ({ELBOW: 2500}, 400))):
         text = fails(calibrated, do, *words)
-        assert "gives wrist_flex the id 5 (the profile says 4), wrist_roll the id 4 (the profile says 5)" in text
+        assert "gives wrist_flex the id 5 (the profile has 4), wrist_roll the id 4 (the profile has 5)" in text
     assert calibrated.writes == [] and "the id 5" in calibrated.units().read_all(("load",))["calibration"]
     swapped = ARM._replace(units={**ARM.units, "wrist_flex": 5, "wrist_roll": 4}, calibration=("~/cal/*.json",))
     assert replace(calibrated, map=swapped).units().move_percent(ELBOW, 50, 800)["goal"] == 2500

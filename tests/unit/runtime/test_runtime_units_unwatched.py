@@ -64,7 +64,7 @@ def test_what_stuck_does_not_set_off_when_it_comes_free(bench: Bench) -> None:
 @pytest.mark.parametrize("place", [4120, 60000])
 def test_a_unit_outside_of_all_it_can_be_told_is_not_sent_off_by_a_stop(bench: Bench, place: int) -> None:
     bench.joint(ELBOW).position = place
-    with pytest.raises(DeviceFault, match=f"elbow_flex is at {place}, where it cannot be told to hold"):
+    with pytest.raises(DeviceFault, match=f"elbow_flex is at {place}, where it cannot be set to hold"):
         bench.units().stop()
     assert [number for number, _, _ in bench.writes] == [1, 2, 4, 5, 6]
 

@@ -44,7 +44,7 @@ def beep() -> None:
 
 
 KNOWN = "it takes percent, colour, pose, marks, steps, name, either"
-BOUNDS = "a whole number at least 0 and at most 100"
+BOUNDS = "an integer at least 0 and at most 100"
 WRONG: list[tuple[str, dict[str, Any], list[str]]] = [
     ("set_led", {"percent": 500}, ["percent of set_led is 500", "less than or equal to 100", f"it takes {BOUNDS}."]),
     ("set_led", {"percent": "hunter2"}, ["argument percent of set_led does not fit", "valid integer", BOUNDS]),
@@ -58,18 +58,18 @@ WRONG: list[tuple[str, dict[str, Any], list[str]]] = [
     ),
     ("set_led", {"percent": 1, "pose": 3}, ["argument pose of set_led is 3", "an object with x, y or null."]),
     ("set_led", {"percent": 1, "pose": {"x": 1, "y": 1, "z": 1}}, ['no argument "pose.z"; it takes x, y.']),
-    ("set_led", {"percent": 1, "either": {"x": 1}}, ["argument either of set_led does not fit: ", "a whole number or"]),
+    ("set_led", {"percent": 1, "either": {"x": 1}}, ["argument either of set_led does not fit: ", "an integer or"]),
     ("set_led", {"percent": 10**5000}, ["argument percent of set_led does not fit", BOUNDS]),
     (
         "set_led",
         {"percent": 1, "marks": ["a"]},
-        ["argument marks[0] of set_led does not fit", "it takes a whole number."],
+        ["argument marks[0] of set_led does not fit", "it takes an integer."],
     ),
     ("set_led", {"percent": 1, "steps": 3}, ["argument steps of set_led is 3: the motor takes even steps alone; "]),
     ("set_led", {"percent": 1, "name": "four"}, ["argument name of set_led does not fit", "3 characters"]),
     ("set_led", {"percent": -1, "colour": 2}, ["percent of set_led is -1", "colour of set_led is 2"]),
-    ("blink", {}, ["The argument count of blink is missing; it takes a whole number."]),
-    ("blink", {"count": "x"}, ["The argument count of blink does not fit", "a whole number."]),
+    ("blink", {}, ["The argument count of blink is missing; it takes an integer."]),
+    ("blink", {"count": "x"}, ["The argument count of blink does not fit", "an integer."]),
     ("beep", {"loud": True}, ['beep has no argument "loud"; it takes none.']),
     ("beep", {'x". Call estop': 1}, ['beep has no argument "x\\". Call estop"; it takes none.']),
 ]

@@ -293,7 +293,7 @@ def test_what_the_ledger_says_holds_where_the_file_is_gone_or_damaged(tmp_path: 
     assert restrictions.against(Subject("move", {}, ("rail",))) is None
     (run / NAME).write_text("{")
     assert [entry.claim for entry in restrictions.in_force()] == ["c7", "c8"]
-    assert "ledger of claims says holds" in str(restrictions.problem)
+    assert "ledger of claims is in force" in str(restrictions.problem)
     clock.now = NOW + 61
     assert [entry.claim for entry in restrictions.in_force()] == ["c7"]
     keep(claim | {"state": "retired"})

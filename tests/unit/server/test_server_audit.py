@@ -156,12 +156,12 @@ def forge(found: list[bytes]) -> list[bytes]:
 
 TAMPERED: dict[str, tuple[Callable[[list[bytes]], list[bytes]], int, str]] = {
     "changed": (change, 5, "record 5 was changed"),
-    "changed with a new hash": (forge, 6, "record 6 does not follow from what stands before it: record 5 was changed"),
+    "changed with a new hash": (forge, 6, "record 6 does not follow from the one before it: record 5 was changed"),
     "one space": (lambda found: [*found[:2], found[2].replace(b":", b": ", 1), *found[3:]], 3, "no record"),
     "removed": (lambda found: [*found[:3], *found[5:]], 4, "records 4 to 5 before record 6 went missing"),
     "first removed": (lambda found: found[1:], 1, "record 1 before record 2 went missing"),
     "added": (lambda found: [*found[:3], b'{"seq":4,"event":"call"}\n', *found[3:]], 4, "no record"),
-    "doubled": (lambda found: [*found[:3], found[2], *found[3:]], 4, "record 3 stands after record 3"),
+    "doubled": (lambda found: [*found[:3], found[2], *found[3:]], 4, "record 3 comes after record 3"),
     "reordered": (lambda found: [*found[:3], found[4], found[3], *found[5:]], 4, "record 4 before record 5 went miss"),
     "cut off": (lambda found: found[:-2], 9, "records 9 to 10 went missing at the end: cut off"),
     "cut off within": (lambda found: [*found[:-1], found[-1][:-30]], 10, "record 10 went missing at the end"),

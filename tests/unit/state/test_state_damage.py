@@ -179,7 +179,7 @@ def test_a_folder_that_is_a_link_to_itself_is_told_as_one(tmp_path: Path) -> Non
     _, problem = read_regular(tmp_path / "loop" / "state.json")
     assert problem is not None
     assert problem.summary == "cannot be read: a folder on the way to it is a link to itself"
-    assert problem.hint == "move away what stands there and run the same command again"
+    assert problem.hint == "move away what is there and run the same command again"
     problem = write_atomic(tmp_path / "loop" / "state.json", b"{}")
     assert problem is not None
     assert problem.summary == "cannot be written: a folder on the way to it is a link to itself"
@@ -193,7 +193,7 @@ def test_what_stands_in_the_place_of_a_folder_is_told_with_what_to_do(tmp_path: 
     with pytest.raises(FileExistsError) as refusal_of_folder:
         (tmp_path / "probe").mkdir(exist_ok=True)
     there = refused(refusal_of_folder.value, tmp_path / "probe")
-    assert there.summary == "cannot be written: what stands there is no folder"
+    assert there.summary == "cannot be written: what is there is no folder"
     unforeseen = refusal(refusal_of_folder.value)
-    assert unforeseen.summary == "the operating system refused: what stands there is no folder"
-    assert below.hint == there.hint == unforeseen.hint == "move away what stands there and run the same command again"
+    assert unforeseen.summary == "the operating system refused: what is there is no folder"
+    assert below.hint == there.hint == unforeseen.hint == "move away what is there and run the same command again"

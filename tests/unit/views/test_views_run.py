@@ -113,7 +113,7 @@ def test_the_stream_has_a_version_first_and_one_object_a_line() -> None:
         (RunResult("apply", "", failed="compile"), "Apply stopped: see the error above."),
         (
             RunResult("apply", "bench", failed="saved plan", refused=("identify", "interface")),
-            "Apply stopped: the saved plan no longer holds for identify and interface.",
+            "Apply stopped: the saved plan is no longer valid for identify and interface.",
         ),
     ],
 )

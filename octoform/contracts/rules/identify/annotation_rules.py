@@ -138,7 +138,7 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             where, hint = ("name",), f"its commands are {listed(list(commands), 12)}"
         elif command["effect"] != capability["effect"]:
             summary = (
-                f"{shown(capability['name'])} is {capability['effect']}, and the profile {shown(profile)} says else"
+                f"{shown(capability['name'])} is {capability['effect']}, and {shown(profile)} declares another effect"
             )
             where, hint = ("effect",), f"write {command['effect']}"
         elif stops is not does_stop(command):
@@ -156,7 +156,8 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         if facts is None or not has or device["id"] not in facts.holds:
             continue
         if absent := [str(command["tool"]) for command in facts.commands if command["tool"] not in has]:
-            summary = f"{shown(device['id'])} lacks {listed(absent)}, which the grammar of {shown(facts.name)} has"
+            owner = f"the protocol definition of {shown(facts.name)}"
+            summary = f"{shown(device['id'])} lacks {listed(absent)}, which {owner} has"
             place, hint = pointer("devices", index, "capabilities"), "make one capability of each command, in its name"
             out.append(error("IDENTIFY-GRAMMAR", summary, pointer=place, hint=hint))
     return out
@@ -219,7 +220,7 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
         spoken = len(re.findall(r"\w", said[0])) >= 2
         verbatim = all(answer_rules.stands_in(item["quote"], entry, artifacts) for item in device["evidence"])
         if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in said):
-            return "no evidence is of that answer", "quote what the owner said beside what PROBE shows"
+            return "no evidence is of that answer", "quote the owner's answer beside what PROBE shows"
     return None
 
 
@@ -246,13 +247,13 @@ def _contradicted(
 ) -> tuple[str, str] | None:
     """What PROBE shows against a reason, and what to write; None where nothing does."""
     evident = _evident(entry, artifacts)
-    annotate = "annotate it: what is skipped has nothing to offer, or is another entry's"
+    annotate = "add it to devices: skip only what offers nothing or is a part of another entry"
     place = str(entry.get("instance", {}).get("sysfs", ""))
     if reason == "network_neighbour" and not entry.get("context") and _ATTACHED.search(place):
         return f"it on {entry['interface']}, without context", annotate
     twins = [other["id"] for other in kept if entry["interface"] == "usb" and _numbers(other) == _numbers(entry)]
     if reason == "duplicate_path" and twins and all(_apart(entry, other) for other in kept if other["id"] in twins):
-        return f"a port of its own for it, as for its twin {twins[0]}", "annotate it as its twin is annotated"
+        return f"a port of its own for it, as for its twin {twins[0]}", "add it to devices as its twin is"
     text = f"{entry['name']}\n{entry['raw_descriptor']}"
     if reason == "virtual" and entry["interface"] == "usb" and not _UNREAL.search(text):
         return "it plugged into usb", annotate

@@ -62,7 +62,7 @@ def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-ANSWER-IGNORED",
-            f"{shown(device['id'])} is unknown although a person said what it is: "
+            f"{shown(device['id'])} is unknown although a person answered what it is: "
             f"{shown(artifacts.answers[device['id']])}",
             pointer=pointer("devices", index, "category"),
             hint=f"name it from the answer with method {METHOD}, or leave it out with the reason that the answer gives",
@@ -78,7 +78,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-PROFILE-IGNORED",
-            f"{shown(device['id'])} has capabilities, not the profile {shown(held[device['id']])} that holds for it",
+            f"{shown(device['id'])} has capabilities, not the profile {shown(held[device['id']])} that matches it",
             pointer=pointer("devices", index),
             hint="name it in `profile` and keep to it, or leave the device unknown; an answer stays in `evidence`",
         )
@@ -110,7 +110,7 @@ def line_left_out(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             "IDENTIFY-LINE-LEFT-OUT",
             f"{shown(item['id'])} has a serial line and is skipped, so no one is asked what is connected to it",
             pointer=pointer("left_out", index),
-            hint="annotate it as unknown with the one question that would settle it",
+            hint="add it to devices as unknown, with the one question that would settle it",
         )
         for index, item in enumerate(value["left_out"])
         if item["id"] in lines and item["id"] not in artifacts.answers

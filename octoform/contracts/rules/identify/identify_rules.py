@@ -52,8 +52,8 @@ def duplicate_device(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             where = pointer(member, index, "id")
             before = first.setdefault(item["id"], where)
             if before != where:
-                summary = f"{shown(item['id'])} stands at {before} already"
-                hint = "annotate a device or leave it out, one of the two, once"
+                summary = f"{shown(item['id'])} is at {before} already"
+                hint = "put a device into devices or into left_out: into one of the two, once"
                 out.append(error("IDENTIFY-DUPLICATE-DEVICE", summary, pointer=where, hint=hint))
     return out
 
@@ -64,7 +64,7 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     silent = [name for name in _probed(artifacts) if name not in told]
     if not silent:
         return []
-    summary = f"{len(silent)} of PROBE's devices are neither annotated nor skipped: {listed(silent)}"
+    summary = f"{len(silent)} of PROBE's devices are neither identified nor skipped: {listed(silent)}"
     hint = "put each of them into devices, or into left_out with a reason"
     return [error("IDENTIFY-DEVICE-UNACCOUNTED", summary, pointer="/left_out", hint=hint)]
 
@@ -84,7 +84,9 @@ def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
                 hint = "quote whole words: a piece of a word names something else"
             else:
                 summary = f"the quote {shown(quote)} is not in PROBE's text of {shown(device['id'])}"
-                hint = "copy it letter by letter from that device's name or raw_descriptor; say what follows in `says`"
+                hint = (
+                    "copy it letter by letter from that device's name or raw_descriptor; write what follows into `says`"
+                )
             where = pointer("devices", index, "evidence", at, "quote")
             out.append(error("IDENTIFY-QUOTE-NOT-VERBATIM", summary, pointer=where, hint=hint))
     return out
@@ -143,7 +145,7 @@ def unknown_missing(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-UNKNOWN-MISSING",
-            f"{shown(device['id'])} is unknown and does not say what is missing",
+            f"{shown(device['id'])} is unknown, and `missing` has no question about it",
             pointer=pointer("devices", index),
             hint="write into `missing` the one sentence from a person that would settle it",
         )
@@ -192,7 +194,7 @@ def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-NO-VIA",
-            f"the capability {shown(capability['name'])} does not say through what it works",
+            f"the capability {shown(capability['name'])} does not name what it works through",
             pointer=pointer("devices", index, "capabilities", at, "via"),
             hint="name the library or the operating-system interface; without one the device is infrastructure",
         )
@@ -219,7 +221,7 @@ def profile_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
             known = f"the manifest has {listed(sorted(artifacts.profiles))}" if artifacts.profiles else "it has none"
             hint = f"did you mean {guess}?" if guess else f"name a profile of the manifest, or none; {known}"
         elif device["id"] not in facts.holds:
-            summary = f"the evidence rule of {shown(name)} does not hold for {shown(device['id'])}"
+            summary = f"the match rule of {shown(name)} does not match {shown(device['id'])}"
             hint = "identify the device without the profile, or leave it unknown"
         else:
             continue

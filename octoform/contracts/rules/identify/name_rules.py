@@ -67,11 +67,11 @@ def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagn
         entry = _entry(device, artifacts)
         where = pointer("devices", index, "identified_as")
         if device["category"] in ACTING and _VAGUE.issuperset(map(str.casefold, words(device["identified_as"]))):
-            summary = f"the name {shown(device['identified_as'])} of {shown(device['id'])} says nothing"
+            summary = f"the name {shown(device['identified_as'])} of {shown(device['id'])} names no kind of thing"
             hint = "name what the strings name, or the kind of thing that its class shows"
             out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
         elif unsaid := _unsupported(device, probed, entry, artifacts):
-            summary = f"nothing that is cited for {shown(device['id'])} says {', '.join(map(shown, unsaid))}"
+            summary = f"nothing that is cited for {shown(device['id'])} has {', '.join(map(shown, unsaid))}"
             hint = _hint(device["method"], entry, [word for word in unsaid if kind_of(word.casefold())])
             out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
     return out
@@ -91,10 +91,10 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             named = words(text[source.end() :]) if source else []
             unsaid = [word for word in missing(named, known) if _tells(word.casefold()) and is_proper(word, text)]
             if unsaid:
-                summary = f"no id database of this host says {', '.join(map(shown, unsaid))} of {shown(device['id'])}"
-                told = f"it says {shown(entry)}" if entry else "it does not know these numbers"
+                summary = f"no id database of this host has {', '.join(map(shown, unsaid))} for {shown(device['id'])}"
+                told = f"it has {shown(entry)}" if entry else "it does not know these numbers"
                 where = pointer("devices", index, "evidence", at, "says")
-                hint = f"{told}; say what follows from the quote, and name a database for what stands there"
+                hint = f"{told}; write what follows from the quote, and name a database only for the words of its entry"
                 out.append(error("IDENTIFY-SOURCE-FALSE", summary, pointer=where, hint=hint))
     return out
 
@@ -114,9 +114,9 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
         if unsaid := _guessed(device, known, _entry(device, artifacts)):
-            summary = f"{shown(device['id'])} says nowhere of itself {', '.join(map(shown, unsaid))}: that is a guess"
+            summary = f"no string of {shown(device['id'])} has {', '.join(map(shown, unsaid))}: that is a guess"
             hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
-            hint += "; where the device says it in another language, `says` tells which"
+            hint += "; where the strings have it in another language, name the language in `says`"
             where = pointer("devices", index, "identified_as")
             out.append(error("IDENTIFY-GUESS", summary, pointer=where, detail=_own_words(known, None), hint=hint))
     return out
@@ -273,8 +273,8 @@ def _own_words(probed: JsonObject, entry: str | None) -> str | None:
     """What would bear out a name: the device's own lines, and what the host's database says of its numbers."""
     lines = str(probed.get("raw_descriptor", "")).splitlines()
     told = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
-    told = [f"PROBE says {shown(line)}" for line in told[:4]]
-    return "\n".join([*told, *([f"the host's id database says {shown(entry)}"] if entry else [])]) or None
+    told = [f"PROBE has {shown(line)}" for line in told[:4]]
+    return "\n".join([*told, *([f"the host's id database has {shown(entry)}"] if entry else [])]) or None
 
 
 def _hint(method: str, entry: str | None, kinds: list[str]) -> str:
@@ -289,12 +289,12 @@ def _hint(method: str, entry: str | None, kinds: list[str]) -> str:
             "name what the entry names; where it names several products, the model needs a string of the device itself"
         )
     if method == _WEB:
-        return "quote the string that the page speaks of; write into `says` the page's address and what it says of it"
+        return "quote the string that the page speaks of; write into `says` the page's address and what follows from it"
     if method == _ANSWER:
-        return "name it with the owner's words and those of the device; in another language `says` tells which"
+        return "name it with the owner's words and those of the device; name another language in `says`"
     if method in _OBSERVED:
         return (
-            "quote the line that says it; a word that only describes may follow in `says`; or name the kind of thing "
+            "quote the line that has it; a word that only describes may follow in `says`; or name the kind of thing "
             "alone, or lower the confidence below 0.5"
         )
     return "quote the string that holds it, leave the word out, or lower the confidence below 0.5"

@@ -45,7 +45,7 @@ _PLACES = re.compile(
 _ADDRESSED = frozenset({"address", "addr", "mac"})
 _CURES = {
     "identified_as": "name it as a person would, by what it is",
-    "says": "say what follows from the quote",
+    "says": "write what follows from the quote",
     "description": "describe what the capability does",
     "missing": "ask the owner one question",
 }
@@ -59,7 +59,7 @@ def orders(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         found = _ORDERS.search(text) or (_CALLS.search(text) if member == "identified_as" else None)
         if found and not _is_quoted(found[0], device, artifacts):
             cure = _CURES.get(member, "describe it")
-            hint = f"{cure}; what others may do is said by the stages' rules and the owner's policy"
+            hint = f"{cure}; the stages' rules and the owner's policy define what others may do"
             summary = f"{shown(text)} gives orders: {shown(found[0])}"
             out.append(error("IDENTIFY-ORDERS-IN-TEXT", summary, pointer=pointer(*where), hint=hint))
     return out

@@ -100,7 +100,7 @@ def trial_too_long(value: JsonObject) -> list[Diagnostic]:
     for tool, name, where, member, unit in _waits(value):
         given = tool.get("smoke", {}).get("arguments", {}).get(name, member.get("default"))
         if tool["effect"] == "read" and _is_plain(given) and given * unit > LONGEST_TRIAL:
-            summary = f"the trial call of {shown(tool['name'])} may last {given * unit:g} s by its {shown(name)}"
+            summary = f"the test call of {shown(tool['name'])} may last {given * unit:g} s by its {shown(name)}"
             hint = f"write into `smoke.arguments` the shortest one, at most {LONGEST_TRIAL / unit:g}"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint=hint))
     return out

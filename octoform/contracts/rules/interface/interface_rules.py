@@ -55,11 +55,11 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _said(_ORDERS, text, names):
                 summary = f"a description of {shown(tool['name'])} gives orders to anyone who reads it"
-                hint = "say what the tool does; what a device calls itself is quoted, and never obeyed"
+                hint = "describe what the tool does; quote what a device calls itself, and never obey it"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _said(_DEMANDS, text, names):
                 summary = f"a description of {shown(tool['name'])} demands that another tool is called"
-                hint = "say what to beware of; when to call what is for the caller to decide"
+                hint = "describe what to beware of; the caller decides when to call what"
                 out.append(warning("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
     return out
 
@@ -88,7 +88,7 @@ def _bare(schema: Any) -> str:
     if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
         return ""
     members = schema.get("properties")
-    return "" if isinstance(members, dict) and members else "has no members that say what they are"
+    return "" if isinstance(members, dict) and members else "has no members that are described"
 
 
 def _is_text(schema: Any) -> bool:
@@ -189,7 +189,7 @@ def identify_blamed(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint="name a device of IDENTIFY"))
             continue
         summary = f"INTERFACE finds IDENTIFY wrong about {about}: {escaped(item['problem'])}"
-        hint = "IDENTIFY is told and runs again, once in a run that made it; else: octoform apply -replace identify"
+        hint = "IDENTIFY runs again with this, once if this run made it; else: octoform apply -replace identify"
         out.append(error("INTERFACE-IDENTIFY-WRONG", summary, pointer=where, hint=hint))
     return out
 
@@ -273,12 +273,9 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         wanted = effects.get(tool["capability"], tool["effect"])
         if is_graver(tool["effect"], wanted):
             for device in sorted(lines.intersection(tool["devices"]))[:1]:
-                summary = (
-                    f"{shown(tool['name'])} is declared {tool['effect']}, and no one says how {shown(device)} stops"
-                )
-                hint = (
-                    f"leave {tool['capability']} out with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
-                )
+                unknown = f"nothing declares how {shown(device)} stops"
+                summary = f"{shown(tool['name'])} is declared {tool['effect']}, and {unknown}"
+                hint = f"skip {tool['capability']} with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
                 where = pointer("tools", index, "effect")
                 out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
         elif tool["effect"] != wanted:
@@ -286,7 +283,7 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             hints = [f"{hint} {json.dumps(must)}" for hint, must in _HINTS[wanted].items()]
             where, hint = (
                 pointer("tools", index, "effect"),
-                f"write {wanted}, and of the annotations {', '.join(hints)}",
+                f"write {wanted}, and in `annotations` {', '.join(hints)}",
             )
             out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
     return out
@@ -308,12 +305,14 @@ def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diag
                 where = pointer("tools", index, "annotations", hint)
                 out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {json.dumps(must)}"))
         if effect == "actuate" and tool["annotations"]["destructiveHint"] is True:
-            summary = f"{shown(tool['name'])} has the effect actuate, and says that it destroys something"
+            summary = f"{shown(tool['name'])} has the effect actuate, and declares that it destroys something"
             where = pointer("tools", index, "annotations", "destructiveHint")
             hint = "write false; what nothing brings back has the effect irreversible, in IDENTIFY first"
             out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=hint))
         if tool["annotations"]["openWorldHint"] is True and attached.issuperset(tool["devices"]):
-            summary = f"{shown(tool['name'])} says that it reaches beyond this host, and its device is attached to it"
+            summary = (
+                f"{shown(tool['name'])} declares that it reaches beyond this host, and its device is attached to it"
+            )
             where = pointer("tools", index, "annotations", "openWorldHint")
             out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
     return out

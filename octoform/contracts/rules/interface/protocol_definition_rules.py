@@ -24,8 +24,8 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         tools = {tool["capability"]: (at, tool) for at, tool in enumerate(value["tools"]) if device in tool["devices"]}
         absent = [name for name in commands if name not in tools]
         if absent and device not in spared:
-            summary = f"{shown(device)} lacks {listed(absent)}, which the grammar of {shown(profile)} has"
-            hint = "make one tool of that name for each command of the grammar"
+            summary = f"{shown(device)} lacks {listed(absent)}, which the protocol definition of {shown(profile)} has"
+            hint = "make one tool of that name for each command of the protocol definition"
             out.append(error(CODE, summary, pointer="/tools", hint=hint))
         for name, (at, tool) in tools.items():
             problem = _problem(name, tool, commands)
@@ -44,7 +44,7 @@ def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, An
     if command is None or tool["name"] != name:
         near = did_you_mean(tool["name"], list(commands))
         hint = f"did you mean {near}?" if near else f"its commands are {listed(list(commands))}"
-        return "is no command in the grammar", hint
+        return "is no command of the protocol definition", hint
     if tool["effect"] != command["effect"]:
         return f"is {tool['effect']}, unlike the command", f"write {command['effect']}"
     if does_stop(command) is not bool(tool.get("stops", False)):

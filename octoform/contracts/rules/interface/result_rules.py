@@ -155,14 +155,14 @@ def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             continue  # another rule's finding, and the cause of this one
         if tool["effect"] != "read":
             if "smoke" in tool:
-                summary = f"{shown(tool['name'])} is no read tool and may not be called for trial"
+                summary = f"{shown(tool['name'])} is no read tool and may not be called for a test"
                 out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint="take smoke out"))
             continue
         arguments = tool.get("smoke", {}).get("arguments", {})
         problem = _misfit(arguments, tool["input_schema"])
         if problem is not None:
             given = "its smoke arguments do" if "smoke" in tool else "without smoke arguments, an empty call does"
-            summary = f"{shown(tool['name'])} cannot be called for trial: {given} not fit the input_schema"
+            summary = f"{shown(tool['name'])} cannot be called for a test: {given} not fit the input_schema"
             hint = "give harmless arguments that the input_schema accepts"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, detail=problem, hint=hint))
     return out
@@ -368,7 +368,7 @@ def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         concerned = sorted(of_units.intersection(tool["devices"]))
         if not concerned or tool["effect"] == "read" or tool.get("stops") or "units" in tool:
             continue
-        summary = f"{shown(tool['name'])} does not say which units of {listed(concerned)} it acts on"
+        summary = f"{shown(tool['name'])} does not declare which units of {listed(concerned)} it acts on"
         hint = "write `units`: their names, the parameter that names one, and where a call moves them"
         out.append(error("INTERFACE-UNITS-MISSING", summary, pointer=pointer("tools", index), hint=hint))
     return out
@@ -420,7 +420,7 @@ def _problems(tool: JsonObject) -> Iterator[str]:
         yield f"mean more than one by {listed([shown(word) for word in twice])}"
     choices = (properties or {}).get(told.get("parameter"), {}).get("enum", ())
     if strange := sorted({str(word) for word in choices} - set(words)):
-        yield f"do not say which one {listed([shown(word) for word in strange])} is"
+        yield f"do not define which one {listed([shown(word) for word in strange])} is"
 
 
 def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
@@ -432,7 +432,7 @@ def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
         items = (record.get(name) or {}).get("items") or {}
         record = items.get("properties") or {}
     elif "unit" not in reports and len(tool["units"]["names"]) > 1:
-        yield "report a place and do not say of which unit"
+        yield "report a place and do not name its unit"
     wanted = [name for name in (reports["field"], reports.get("unit")) if name]
     if absent := sorted({*wanted} - set(record)):
         yield f"report by {listed([shown(name) for name in absent])}, which the output schema does not have"

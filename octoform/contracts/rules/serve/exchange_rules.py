@@ -164,7 +164,7 @@ def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         speed = _speed(call)
         if speed is None and not _set_later(source, call):
             summary = f"{shown(name)} is given no speed, so the line is opened at whatever the library takes"
-            hint = "name the speed: baudrate=115200, as INTERFACE or the profile says"
+            hint = "name the speed: baudrate=115200, as INTERFACE or the profile gives it"
         elif isinstance(speed, ast.Constant) and named and speed.value not in named:
             summary = f"{shown(name)} opens the line at {speed.value!r} baud, which no tool of INTERFACE names"
             hint = f"use the speed that INTERFACE names: {', '.join(map(str, sorted(named)))}"
@@ -205,7 +205,7 @@ def line_wait(value: str, _: Artifacts) -> list[Diagnostic]:
             and opens_line(source, owner)
             and _is_endless(source, loop)
         ):
-            summary = "a loop over what a line says never ends where the device says nothing"
+            summary = "a loop over what a line sends never ends where the device sends nothing"
             out.append(source.problem("SERVE-LINE-WAIT", loop, summary, hint))
     return out
 

@@ -64,7 +64,9 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     if absent:
         summary = f"the server lacks {len(absent)} tools of INTERFACE: {listed(absent)}"
         hint = "register each with @mcp.tool, or @mcp.tool(name=...) with a constant name; where one "
-        hint += "cannot be written, say so in the header: [[tool.octoform.interface-errors]] with `tool` and `problem`"
+        hint += (
+            "cannot be written, report it in the header: [[tool.octoform.interface-errors]] with `tool` and `problem`"
+        )
         out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
     return out
 
@@ -76,9 +78,7 @@ def interface_blamed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for name, problem in interface_errors(value):
         if name in wanted:
             summary = f"SERVE finds INTERFACE wrong about {shown(name)}: {escaped(problem[:MAX_PROBLEM])}"
-            hint = (
-                "INTERFACE is told and runs again, once in a run that made it; else: octoform apply -replace interface"
-            )
+            hint = "INTERFACE runs again with this, once if this run made it; else: octoform apply -replace interface"
             out.append(error("SERVE-INTERFACE-WRONG", summary, span=Span(1, 1), hint=hint))
         else:
             summary = f"{shown(name)} is not a tool of INTERFACE, so nothing is wrong with it there"

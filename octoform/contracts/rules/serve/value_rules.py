@@ -80,7 +80,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for _, name, each in given:
             if _is_invented(source, flow, each):
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
-                hint = "read it, or leave the member out of INTERFACE's output_schema; null there lets None say unknown"
+                hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for call in (node for node in source.nodes if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
@@ -88,9 +88,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             out.setdefault(call, source.problem("SERVE-CONSTANT-READING", call, summary, hint))
         for name, each in _chosen(source, flow, given, units):
             summary = f"the result's {shown(name)} is one of the numbers in this file, whatever the device measured"
-            hint = (
-                "return the number that was read; where a bound is all there is to tell, that is a state: in INTERFACE "
-            )
+            hint = "return the number that was read; where a bound is all that is known, that is a state: in INTERFACE "
             hint += "a boolean or an enum"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
     return list(out.values())
@@ -324,7 +322,7 @@ class _Substitutes:
         if default is None or asked is None or (counted and isinstance(node.func, ast.Attribute)):
             return
         if self._is_read(asked) and self._is_number(default) and not _is_optional(node):
-            yield node, "what was not said"
+            yield node, "what was not reported"
 
     def _after_failure(self, node: ast.Try) -> Iterator[tuple[ast.AST, str]]:
         read = {target.id for item in node.body for target in _targets(item)}
