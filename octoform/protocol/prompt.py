@@ -160,7 +160,7 @@ def _kind(stage: str) -> str:
     """What the work is called where the agent is told of it: a stage, a privileged step, or a duty."""
     if stage.startswith(STEP):
         return "step"
-    return "duty" if stage in DUTIES else "stage"
+    return "background task" if stage in DUTIES else "stage"
 
 
 def _seen_from(workdir: Path, path: Path | None) -> str | None:

@@ -85,7 +85,7 @@ def prompt(duty: str, folder: Path, **more: object) -> str:
 @pytest.mark.parametrize("duty", DUTIES)
 def test_the_prompt_says_what_is_read_and_written_and_that_it_is_data(duty: str, tmp_path: Path) -> None:
     text = " ".join(prompt(duty, tmp_path).split())
-    assert text.startswith("You are the agent of one duty of octoform") and duty.upper() in text
+    assert text.startswith("You are the agent of one background task of octoform") and duty.upper() in text
     for phrase in (
         "exactly one file: output.json",
         "go by: input.json",
@@ -101,5 +101,8 @@ def test_the_prompt_says_what_is_read_and_written_and_that_it_is_data(duty: str,
 def test_a_retry_names_the_duty_and_offers_no_correction_of_its_spec(tmp_path: Path) -> None:
     (tmp_path / "log").write_text("it failed\n")
     text = prompt("heal", tmp_path, failed_log=tmp_path / "log", editable=False)
-    assert "An earlier attempt at this duty failed." in text and "The spec of this duty is spec.md." in text
+    assert (
+        "An earlier attempt at this background task failed." in text
+        and "The spec of this background task is spec.md." in text
+    )
     assert "correct it in that copy" not in text

@@ -83,8 +83,8 @@ def import_relative(value: str, _: Artifacts) -> list[Diagnostic]:
             hint = "import `runtime` by its name; it lies beside the server"
             out.append(source.problem("SERVE-IMPORT-FORM", node, "the server has a relative import", hint))
         elif name in _STAND_INS:
-            summary = f"{shown(name)} makes stand-ins, and a server that has one tells of no device"
-            hint = "let the import of a missing library fail: its tool then says which one is missing"
+            summary = f"{shown(name)} makes fakes, and a server that has one reads no device"
+            hint = "let the import of a missing library fail: its tool then reports which one is missing"
             out.append(source.problem("SERVE-IMPORT-FORM", node, summary, hint))
         elif isinstance(node, ast.ImportFrom) and any(item.name == "*" for item in node.names):
             summary = f"a star import from {shown(name)} hides what the server uses"

@@ -248,7 +248,7 @@ class _Substitutes:
             for item in branches:
                 value = item.value if isinstance(item, ast.Return | ast.Assign) else item
                 if isinstance(value, ast.expr) and self._of_numbers(value):
-                    yield item, "a reading where the environment says so"
+                    yield item, "a reading that the environment turns on"
 
     def _is_read(self, node: ast.expr) -> bool:
         if isinstance(node, ast.Call) and self._source.dotted(node.func) in ("locals", "globals"):
