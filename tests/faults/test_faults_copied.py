@@ -15,13 +15,14 @@ import pytest
 from ordinary import POSSIBLE, ordinary_user
 from projects import Project
 
-from octoform.base import processes
+from octoform.base import place, processes
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
 from octoform.harness.containment import orphans
 from octoform.server.process.instance_lock import Owner
 from octoform.server.transport import addresses
 from octoform.server.tunnel import termination
+from octoform.state import lock_holder
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Lock, acquire
 
@@ -188,12 +189,47 @@ def test_a_record_of_another_machine_is_of_no_process_here(applied: Project) -> 
     before = path.read_bytes()
     record = json.loads(before)
     assert record[KEY] == place_of(path.parent)
-    path.write_text(json.dumps({**record, KEY: {**record[KEY], "machine": "another"}}))
     try:
-        assert pid(applied) is None
+        for of in ({"boot": "another"}, {"boot": ""}):
+            path.write_text(json.dumps({**record, **of, KEY: {**record[KEY], "machine": "another"}}))
+            assert pid(applied) is None
     finally:
         path.write_bytes(before)
     assert pid(applied) is not None
+
+
+OTHER_ID = ["unshare", "-m", "sh", "-c", 'mount --bind "$0" /etc/machine-id && exec "$@"']
+"""A command runs where the machine has the id of a file, and nobody else sees it."""
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount another id")
+def test_a_machine_that_gets_another_id_keeps_what_it_has_started(applied: Project, tmp_path: Path) -> None:
+    """The kernel says that it is the same process in the same folder since the same start of the machine."""
+    (tmp_path / "machine-id").write_text("0123456789abcdef0123456789abcdef\n")
+    later = replace(applied, prefix=[*OTHER_ID, str(tmp_path / "machine-id")])
+    if subprocess.run([*later.prefix, "true"], capture_output=True, check=False).returncode != 0:
+        pytest.skip("this container mounts nothing")
+    before = pid(applied)
+    told = later.run("status").out
+    assert f"process {before} since" in told and "not running" not in told, told
+    assert later.run("call", "read_temperature").status == 0
+    assert f"process {before}" in later.run("stop", status=0).out
+    assert pid(applied) is None
+    applied.run("start", status=0)
+
+
+def test_a_run_keeps_its_lock_when_the_machine_gets_another_id(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    layout, workdir = Layout(tmp_path / "a", "bench"), tmp_path / "attempt"
+    workdir.mkdir()
+    orphans.write(workdir, orphans.Record(processes.new(), 1, 1))
+    held = acquire(layout, "apply").lock
+    assert isinstance(held, Lock)
+    (tmp_path / "machine-id").write_text("0123456789abcdef0123456789abcdef\n")
+    for module in (place, lock_holder):
+        monkeypatch.setattr(module, "_MACHINE_ID", tmp_path / "machine-id")
+    with held:
+        assert acquire(layout, "apply").lock is None
+    assert orphans.read(workdir) is not None
 
 
 def test_a_process_without_a_record_of_this_machine_is_told_to_whoever_starts_another(applied: Project) -> None:

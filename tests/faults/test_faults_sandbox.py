@@ -225,6 +225,24 @@ def test_a_program_behind_a_socket_without_a_file_is_not_reached(host: Host) -> 
     assert lines == ["PermissionError", "reached octoform-test-own"]
 
 
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root has a place for a service")
+def test_a_service_behind_a_socket_in_run_is_not_reached(host: Host) -> None:
+    """A database, say, does for its user whatever it is told."""
+    with (
+        tempfile.TemporaryDirectory(dir="/run", prefix="octoform-test-") as folder,
+        socket.socket(socket.AF_UNIX) as service,
+    ):
+        Path(folder).chmod(0o755)
+        service.bind(f"{folder}/service.sock")
+        Path(folder, "service.sock").chmod(0o777)
+        service.listen()
+        code = "import socket\ntry:\n    socket.socket(socket.AF_UNIX).connect(NAME)\n    print('reached')\n"
+        lines = attack(
+            host, f"NAME = {folder!r} + '/service.sock'\n{code}except OSError as problem:\n    print('closed')\n"
+        )
+    assert lines == ["closed"]
+
+
 def test_an_interpreter_that_belongs_to_another_user_can_begin(host: Host) -> None:
     """Root's agents are ordinary users, and root itself without its powers reads no closed folder of anybody else."""
     if host.uid != 0:

@@ -125,6 +125,7 @@ def write(workdir: Path, record: Record) -> None:
         "supervisor": {"pid": record.pid, "start": record.start},
         "ended": record.ended,
         KEY: place_of(workdir),
+        "boot": clock.boot_id(),
         "written_at": clock.stamp(),
     }
     files.make_way(workdir / RECORD)

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import octoform
 from octoform.base import shortage
-from octoform.base.files import head, parse, read_plain
+from octoform.base.files import head, parse, read_plain, walk
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.containment import syscalls
 from octoform.harness.containment.agent_user import AgentUser, agent_user, hand_over
@@ -113,6 +113,13 @@ DOORS = (
     *("/run/crio", "/run/buildkit", "/run/incus", "/run/lxc", "/run/k3s", "/var/lib/lxd", "/var/lib/incus"),
     *("/var/snap/lxd/common/lxd", "/run/screen", "/run/screens", "/run/tmux", "/nix/var/nix/daemon-socket"),
 )
+SERVICES = Path("/run")
+"""Where the services of a machine have their sockets."""
+OPEN_SERVICES = (
+    *("/run/nscd", "/run/systemd/resolve", "/run/systemd/userdb", "/run/systemd/journal", "/run/avahi-daemon"),
+    *("/run/dbus", "/run/udev", "/run/pcscd", "/run/gpsd.sock", "/run/cups"),
+)
+"""Names, logs and hardware; every other service does for its user whatever it is told, as a database does."""
 ROOT_DOORS = ("/run/dbus/system_bus_socket", "/run/systemd/private", "/run/systemd/io.systemd.Manager")
 SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", "sys", "boot", "nix", "snap"})
 SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
@@ -236,7 +243,10 @@ def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str
         out += ["--ro-bind", name, name]
     for path in (*_disks(), *_keyboards(user)):
         out += ["--dev-bind", "/dev/null", str(path)]
-    for path in map(Path, (*DOORS, *(ROOT_DOORS if os.geteuid() == 0 else ()))):
+    doors = [Path(name) for name in (*DOORS, *(ROOT_DOORS if os.geteuid() == 0 else ()))]
+    spared = (*doors, *map(Path, (*OPEN_SERVICES, *PLACES)))
+    doors += [path for path in _sockets(user) if not any(path.is_relative_to(place) for place in spared)]
+    for path in doors:
         out += _covered(path)
     return out
 
@@ -304,6 +314,19 @@ def _disks() -> Iterator[Path]:
         is_raw = stat.S_ISCHR(mode) and entry.name.startswith("sg") and entry.name[2:].isdigit()
         if (stat.S_ISBLK(mode) or is_raw) and os.access(entry.path, os.W_OK):
             yield Path(entry.path)
+
+
+def _sockets(user: AgentUser | None) -> Iterator[Path]:
+    """The sockets of services that this agent could connect to."""
+    for place, _, names in walk(SERVICES):
+        for path in (place / name for name in names):
+            try:
+                facts = path.lstat()
+            except OSError:
+                continue  # gone since the folder was read
+            opens = os.access(path, os.W_OK) if user is None else user.may_open(facts)
+            if stat.S_ISSOCK(facts.st_mode) and opens:
+                yield path
 
 
 def _covered(path: Path) -> list[str]:

@@ -167,7 +167,7 @@ def is_dead(layout: Layout, holder: Holder, proc: Path = PROC) -> bool:
     """
     verdict = liveness(holder.process, myself(proc), proc)
     if verdict is Liveness.ALIVE and holder.place is not None:
-        return not is_from({KEY: holder.place}, layout.local)
+        return not is_from({KEY: holder.place, "boot": holder.process.boot_id}, layout.local)
     return verdict is Liveness.DEAD or (verdict is Liveness.HIDDEN and not locks.is_locked(layout.lock))
 
 
