@@ -111,7 +111,7 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     guarded = {path: _look(path) for path in (*wanted.files, *folders)}
     for folder in folders:
         guarded |= {path: _look(path) for path in _files(folder)}
-    above = {parent for path in guarded for parent in path.parents if parent.is_relative_to(project)}
+    above = {place for place in _above(guarded) if place.is_relative_to(project)}
     within = {path for folder in folders for path in _folders(folder)}
     real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
     rooms = {room: names_in(room) for room in wanted.rooms}
@@ -128,14 +128,20 @@ def begin(project: Path, wanted: Guarded) -> Watch:
 
 def _ways(project: Path, wanted: Guarded, paths: Iterable[Path]) -> frozenset[Path]:
     """The places, there or not, that lead to ``paths`` and are no links; not those above a project or a home."""
-    above = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
-    return frozenset({place for path in paths for place in path.parents if not place.is_symlink()} - above)
+    passed = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
+    return frozenset(place for place in _above(paths) - passed if not place.is_symlink())
 
 
 def _in_home(home: Path | None, paths: Iterable[Path]) -> Iterator[Path]:
     """The home, and the folders in it that lead to the paths."""
     if home is not None:
-        yield from (place for path in paths for place in path.parents if place.is_relative_to(home))
+        yield from (place for place in _above(paths) if place.is_relative_to(home))
+
+
+def _above(paths: Iterable[Path]) -> set[Path]:
+    """Every folder above the paths. Many files share few folders, so these are taken first."""
+    folders = {path.parent for path in paths}
+    return {place for folder in folders for place in (folder, *folder.parents)}
 
 
 def _rights(folders: Iterable[Path]) -> dict[Path, tuple[int, int, int]]:
