@@ -2,7 +2,7 @@
 
 The order is from evidence to effect: what is cited must be known, of the signal, fresh, in favour of the claim and not
 outdone by a newer reading; what profiles call clean is clean; what is restricted must be something that may be; and
-nobody but a person makes a rule tighter than one that has been found clean before, or makes anything irreversible true.
+no one but a person makes a rule tighter than one that has been found clean before, or makes anything irreversible true.
 """
 
 import math
@@ -221,7 +221,7 @@ class View:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """``refused`` says why not; ``waits`` why only a person can; neither: it is believed. ``evidence`` carries it."""
+    """``refused`` states why not; ``waits`` why only a person can; neither: it is believed. ``evidence`` carries it."""
 
     refused: Diagnostic | None = None
     waits: Diagnostic | None = None
@@ -411,7 +411,7 @@ def _ratchet(case: _Case) -> Diagnostic | None:
 
 
 def _always_so(case: _Case) -> Diagnostic | None:
-    """A condition that has never been otherwise would restrict for ever, and nobody could tell that it is over."""
+    """A condition that has never been otherwise would restrict permanently, and no one could tell that it is over."""
     condition, signal = case.condition, case.evidence.signal
     if not case.proposal.restrictions or signal.channel in _ABOUT_THEMSELVES:
         return None

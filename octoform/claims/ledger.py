@@ -2,7 +2,7 @@
 
 Every public operation takes the ledger's lock, reads what another process changed, does its work and writes it down
 before it answers. A claim is in force only while the reading that carries it is fresh; a reading that says otherwise
-ends it at once, whoever made it. What a person made true ends by a person alone.
+ends it at once, no matter who made it. What a person made true ends by a person alone.
 """
 
 import contextlib
@@ -60,7 +60,7 @@ def nobody_problem() -> Diagnostic:
 
 
 def changed_problem(path: Path) -> Diagnostic:
-    """A file of the ledger was changed while nobody but the daemon may."""
+    """A file of the ledger was changed while no one but the daemon may."""
     return warning(
         "CLAIM-LEDGER-CHANGED",
         "the ledger of claims was changed by somebody else while an agent was at work; it is as it was before",
@@ -72,7 +72,7 @@ def changed_problem(path: Path) -> Diagnostic:
 CLAIMS, READINGS, LOCK = "claims.json", "readings.jsonl", "claims.lock"
 TEXT_CHARS = 300
 PATIENCE = 2.0
-"""Seconds to wait for whoever has the lock, and between two looks. Everybody lets go of it in a moment."""
+"""Seconds to wait for anyone who has the lock, and between two looks. Everybody lets go of it in a moment."""
 _UNSEEN = (-1, -1, -1)
 _NOWHERE = Signal(Channel.LOG, "", "")
 
@@ -99,7 +99,7 @@ class Ledger:
 
     @classmethod
     def open(cls, layout: Layout, clock: Clock, settings: Settings) -> "Ledger":
-        """The ledger of a host, empty when there is none yet; what is wrong with it stands in ``said``."""
+        """The ledger of a host, empty when there is none yet; what is wrong with it is in ``said``."""
         ledger = cls(layout, clock, settings)
         with ledger._held():
             return ledger
@@ -143,7 +143,7 @@ class Ledger:
         """Judge a claim of ``by`` (``watch``, ``heal`` or ``person``).
 
         An active claim is believed from now on; a pending one waits for a person (``data["because"]`` is the code,
-        ``data["words"]`` a sentence). A diagnostic says why it is not believed.
+        ``data["words"]`` a sentence). A diagnostic states why it is not believed.
         """
         if (malformed := problem_of(proposal)) is not None:
             return malformed
@@ -158,7 +158,10 @@ class Ledger:
             return claim
 
     def expire(self) -> tuple[Claim, ...]:
-        """End what is over; these claims come back. Puts right what the endpoint is told, should it be otherwise."""
+        """End what is over; these claims come back.
+
+        Corrects what the endpoint was given, should it be otherwise.
+        """
         with self._held():
             before = self._copy()
             lifecycle.expire(self._book, self._moment())
@@ -341,8 +344,8 @@ class Ledger:
     def _held(self) -> Iterator[None]:
         """The ledger's lock, with everything as it is on the disk now.
 
-        Where there can be no lock (a folder that nobody may write) nothing can be written either: it is said, and the
-        ledger can still be read. So it is while another process stands still with the lock: nobody waits for it for
+        Where there can be no lock (a folder that no one may write) nothing can be written either: it is stated, and the
+        ledger can still be read. So it is while another process stands still with the lock: no one waits for it for
         ever, least of all the daemon, and what is new is written once the lock is free.
         """
         lock = None
@@ -395,7 +398,7 @@ class Ledger:
         book.count = max(book.count, *numbers) if numbers else book.count
 
     def _strangers(self) -> list[Diagnostic]:
-        """What somebody else has changed although nobody may: said, counted, and not believed."""
+        """What somebody else has changed although no one may: said, counted, and not believed."""
         mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
         if all(mine.values()) or not (self.guarded or self._settings.shut()):
             return []

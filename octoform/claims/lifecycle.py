@@ -26,7 +26,7 @@ MOST_ENDED = 200
 MOST_CITED = 8
 MOST_LEVELS = 256
 PENDING_SECONDS = 24 * 3600.0
-"""How long a claim waits for a person; a declaration waits for ever."""
+"""How long a claim waits for a person; a declaration waits permanently."""
 ENDED = (State.RETIRED, State.REFUSED)
 
 
@@ -52,7 +52,7 @@ def waiting(book: Book) -> tuple[Claim, ...]:
 
 
 def weigh(book: Book, reading: Reading, moment: Moment) -> None:
-    """What one reading means to the claims on its signal: it ends them, carries them on, or says nothing."""
+    """What one reading means to the claims on its signal: it ends them, carries them on, or states nothing."""
     for claim in list(book.claims.values()):
         if claim.signal != reading.signal or claim.irreversible is not None or claim.state in ENDED:
             continue
@@ -100,7 +100,7 @@ def expire(book: Book, moment: Moment) -> None:
 
 
 def trust(book: Book, same_boot: bool, moment: Moment) -> None:
-    """End what cannot be justified as it stands in a file: evidence of an earlier start of the machine, or none."""
+    """End what cannot be justified as it is in a file: evidence of an earlier start of the machine, or none."""
     for claim in list(book.claims.values()):
         if claim.state in ENDED:
             continue
@@ -192,7 +192,7 @@ def document(claims: Sequence[Claim], boot: str, settings: Settings, readings: R
 
 
 def publish(path: Path, data: bytes) -> Diagnostic | None:
-    """Put it where the endpoint looks, unless it stands there; None when it does."""
+    """Put it where the endpoint looks, unless it is there; None when it does."""
     try:
         if read(path) == data and not path.is_symlink():
             return None
@@ -227,7 +227,7 @@ def forbidden(path: Path) -> frozenset[str]:
 
 
 def forbid(path: Path, ids: frozenset[str]) -> Diagnostic | None:
-    """Keep which permanent restrictions there are; None when it stands there."""
+    """Keep which permanent restrictions there are; None when it is there."""
     if ids == forbidden(path):
         return None
     return write_atomic(path, json.dumps({"format": FORMAT, "claims": sorted(ids)}).encode("ascii"), 0o600)
@@ -321,7 +321,7 @@ def _frame(claim: Claim) -> dict[str, Any]:
 
 
 def _names_of(value: Value, devices: frozenset[str], settings: Settings, readings: Readings) -> frozenset[str]:
-    """By what else a caller names the same unit: its number or its name, as they stand beside its readings."""
+    """By what else a caller names the same unit: its number or its name, as they are beside its readings."""
     units: dict[tuple[str, str], set[str]] = {}
     latest = [each for each in readings.newest() if each.signal.channel is Channel.SENSOR]
     sources = {each.signal.source for each in latest}

@@ -44,7 +44,7 @@ class Signal:
 class Reading:
     """One value of a signal. ``id`` is unique on the host; ``at`` RFC 3339; ``uptime`` seconds (CLOCK_BOOTTIME).
 
-    ``value`` None: the signal could not be read, and ``why`` says so.
+    ``value`` None: the signal could not be read, and ``why`` states that.
     """
 
     id: str
@@ -64,7 +64,7 @@ class Condition:
 
 
 class State(StrEnum):
-    """A claim's state. ``pending`` waits for a person (`octoform confirm`); the last two are for ever."""
+    """A claim's state. ``pending`` waits for a person (`octoform confirm`); the last two are permanent."""
 
     ACTIVE = "active"
     PENDING = "pending"
@@ -91,7 +91,7 @@ class Claim:
 
     ``target`` is as in a finding of the daemon (``device:usb-1a86-55d3/elbow_flex``); ``fault`` a class of the
     playbook. ``by`` is ``watch``, ``heal`` or ``person``. ``irreversible`` names a closed declaration
-    (``terminal_lock``, ``disable_unit``, ``fire_risk``) that nobody but a person makes true. ``ended`` tells why it is
+    (``terminal_lock``, ``disable_unit``, ``fire_risk``) that no one but a person makes true. ``ended`` shows why it is
     retired: ``expired``, ``contradicted``, ``operator``, ``superseded``; ``ended_by`` the readings or the person.
     """
 
@@ -132,12 +132,12 @@ _FAR = 1e300
 
 
 def holds(condition: Condition, value: Value) -> bool | None:
-    """Whether the condition is fulfilled; None when this value says nothing about it."""
+    """Whether the condition is fulfilled; None when this value states nothing about it."""
     return conditions.holds(condition.op, condition.value, value)
 
 
 def tighter(one: Condition, other: Condition) -> bool:
-    """Whether ``one`` calls everything trouble that ``other`` does, and more than that."""
+    """Whether ``one`` calls everything a problem that ``other`` does, and more than that."""
     return _covers(one, other) and not _covers(other, one)
 
 

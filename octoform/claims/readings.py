@@ -93,9 +93,9 @@ class Readings:
         return series is not None and any(holds(condition, each.value) is False for each in series.all())
 
     def refresh(self, *, shut: bool = False) -> list[Diagnostic]:
-        """Read what another process wrote; what is damaged is said and left out.
+        """Read what another process wrote; what is damaged is said and omitted.
 
-        With ``shut`` nobody else may have written: then what is known here is written again, and nothing is read.
+        With ``shut`` no one else may have written: then what is known here is written again, and nothing is read.
         """
         seen = _stamp(self._path)
         if seen == self._seen and seen is not None:

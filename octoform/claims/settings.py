@@ -50,7 +50,7 @@ class Bound:
     """What a profile says of a measured field, the last part of a signal's path.
 
     Up to ``trouble_above`` (exclusive) a value is clean, and what is above it has settled again below
-    ``settled_below``; likewise downwards. None: the profile says nothing on that side. ``sources`` are the tools it
+    ``settled_below``; likewise downwards. None: the profile states nothing on that side. ``sources`` are the tools it
     is about, ``source`` names the profile for a person.
     """
 
@@ -91,7 +91,7 @@ class Bound:
         return self.trouble_above is not None and value >= self.trouble_above
 
     def says_trouble(self, value: Value) -> bool:
-        """Whether the profile itself calls this value trouble."""
+        """Whether the profile itself calls this value a problem."""
         if not is_number(value) or value is None or isinstance(value, str):
             return False
         return self._is_low(value) or self._is_high(value)
@@ -105,7 +105,7 @@ def _open() -> bool:
 class Settings:
     """``claim_seconds`` is the longest that a claim holds without new evidence, and how fresh evidence has to be.
 
-    ``tools`` by name; a claim can restrict only what stands there. ``bounds`` are the profiles'. ``boot`` tells one
+    ``tools`` by name; a claim can restrict only what is there. ``bounds`` are the profiles'. ``boot`` tells one
     start of the machine from the next; empty: ask the kernel. ``shut`` is asked when another process has changed
     the ledger: True while none may, since an agent is at work; then what this process knows is written again.
     """
@@ -142,7 +142,7 @@ class Protects(Protocol):
 
     @property
     def refuse_at(self) -> float:
-        """Where trouble begins."""
+        """Where a problem begins."""
 
     @property
     def resume_below(self) -> float:
@@ -155,7 +155,7 @@ def settings_of(layout: Layout, claim_seconds: float, bounds: Iterable[Mapping[s
 
 
 class ServedTools(Mapping[str, ToolFacts]):
-    """`tools_of` a host, read again once the endpoint was published anew."""
+    """`tools_of` a host, read again once the endpoint was published again."""
 
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
@@ -204,7 +204,7 @@ def bounds_told(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> lis
 
 
 def bounds_of(told: Iterable[Mapping[str, Any]]) -> tuple[Bound, ...]:
-    """The bounds in plain values; what is none is left out, which refuses less and never more."""
+    """The bounds in plain values; what is none is omitted, which refuses less and never more."""
     found = []
     for each in told:
         numbers = {name: each.get(name) for name in _NUMBERS}

@@ -1,6 +1,6 @@
 """The canonical form of an artifact: kinds only, so that two hosts with the same devices agree byte for byte.
 
-The schema says which members are of one host (``x-instance``) or of one moment (``x-volatile``); this module walks
+The schema states which members are of one host (``x-instance``) or of one moment (``x-volatile``); this module walks
 value and schema together and drops them. It is light, because a plan with nothing to do digests every artifact.
 """
 

@@ -55,7 +55,7 @@ def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: 
     """Everything that is wrong with ``value`` as the output of ``stage``; empty when the contract accepts it.
 
     The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` says of which step. So do
-    the reports of the duties (``watch``, ``heal``), with ``artifacts.duty`` for what their agent was given.
+    the reports of the background tasks (``watch``, ``heal``), with ``artifacts.duty`` for what their agent was given.
 
     ``artifacts`` holds the accepted artifacts of the stages before; ValueError when the preceding one is missing,
     which no user can cause. ``path`` is written into the diagnostics. Warnings may be among them.
@@ -86,7 +86,7 @@ def _ruled(rules: tuple[Rule, ...], value: object, artifacts: Artifacts) -> list
 
 
 def bounded(found: list[Diagnostic]) -> list[Diagnostic]:
-    """At most `MAX_PER_RULE` of one rule's diagnostics; the last one says how many more there were."""
+    """At most `MAX_PER_RULE` of one rule's diagnostics; the last one states how many more there were."""
     if len(found) <= MAX_PER_RULE:
         return found
     kept = found[:MAX_PER_RULE]

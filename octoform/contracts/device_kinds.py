@@ -1,6 +1,6 @@
 """Which classes of the kernel, or of USB, lead to what: one table for names ("a camera") and for capabilities.
 
-A class of the kernel is how Linux itself says what a device is for. A word of these tables therefore follows from a
+A class of the kernel is how Linux itself states what a device is for. A word of these tables therefore follows from a
 class, or somebody has to say it: the device in its own strings, or its owner. No product is named here.
 """
 
@@ -104,7 +104,7 @@ KINDS: dict[str, tuple[str, ...]] = {
 }
 """Words of a name that say what kind of thing a device is, and the classes from which they follow.
 
-No class of the kernel leads to what moves, switches or weighs: such a word has to be said by the device or its owner.
+No class of the kernel leads to what moves, switches or weighs: such a word has to be stated by the device or its owner.
 """
 
 

@@ -1,4 +1,4 @@
-"""What is of one host only: told apart from the kinds, and hidden before anything reaches git.
+"""What is of one host only: distinguished from the kinds, and hidden before anything reaches git.
 
 Serial numbers, hardware addresses and host names stay on the machine. The committed PROBE artifact holds stable
 pseudonyms in their place, so two commits can still be compared: the same serial number gives the same pseudonym. And
@@ -61,7 +61,7 @@ def pseudonym(secret: str, key: bytes) -> str:
 
 
 def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
-    """(member, value) of what identifies one specimen: not blank, not yet hidden, and not the numbers of its kind."""
+    """(member, value) of what identifies one unit: not blank, not yet hidden, and not the numbers of its kind."""
     for name, value in instance.items():
         if not isinstance(value, str) or not identifies(name):
             continue
@@ -70,7 +70,7 @@ def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
 
 
 def identifies(member: str) -> bool:
-    """True for the name of a member that tells one specimen from another."""
+    """True for the name of a member that tells one unit from another."""
     return _IDENTIFYING.search(member) is not None
 
 
@@ -124,7 +124,7 @@ def secrets_in_text(probe: JsonObject) -> list[str]:
 
 
 def _host_name(probe: JsonObject) -> list[str]:
-    """The host's name, unless it is a word that is said of its devices."""
+    """The host's name, unless it is a word that is stated of its devices."""
     given = probe.get("hostname")
     name = given.strip() if isinstance(given, str) and not hidden(given) else ""
     if len(name) < SHORTEST_NAME or _names_a_kind(name, probe):
@@ -133,7 +133,7 @@ def _host_name(probe: JsonObject) -> list[str]:
 
 
 def _is_said_of_devices(word: str, probe: JsonObject) -> bool:
-    """True when an attached device is called so, or says the word of itself: a short one is most likely that word."""
+    """True when an attached device is called so, or states the word of itself: a short one is most likely that word."""
     attached = (device for device in probe["devices"] if device.get("context") is not True)
     said = (str(device.get(member, "")) for device in attached for member in ("name", "raw_descriptor"))
     return any(re.search(spelt(word), text, re.IGNORECASE) for text in said)
@@ -186,7 +186,7 @@ _MARK = re.compile("\ue0a7([0-9]{1,9})\ue0a8")
 def stand_in(secret: str, key: bytes) -> str:
     """Another value of the same form: digits for digits, hexadecimal letters for such, all else but letters kept.
 
-    The same letters and digits give the same stand-in, whatever stands between them and in whatever case.
+    The same letters and digits give the same stand-in, whatever is between them and in whatever case.
     """
     signs = [sign for sign in secret if sign.isalnum()]
     stream = hashlib.shake_256(hmac.digest(key, "".join(signs).casefold().encode("utf-8", "replace"), "sha256"))
@@ -195,7 +195,7 @@ def stand_in(secret: str, key: bytes) -> str:
 
 
 def members(text: str) -> list[str]:
-    """The values of members that name one specimen (``serial``, ``hostname``), in JSON or in what should have been."""
+    """The values of members that name one unit (``serial``, ``hostname``), in JSON or in what should have been."""
     found = [_value(pair[3]) for pair in _PAIR.finditer(text) if identifies(pair[1])]
     return [value.strip() for value in found if value.strip() and not hidden(value)]
 
@@ -264,7 +264,7 @@ _CONTENT = ("name", "interface", "raw_descriptor", "vid", "pid")
 
 @dataclass(slots=True)
 class Kept:
-    """The artifact with its ids as they were, and a sentence for each kind whose specimens could not be told apart."""
+    """The artifact with its ids as they were, and a sentence for each kind whose units could not be distinguished."""
 
     probe: JsonObject
     notices: list[str] = field(default_factory=list)
@@ -300,8 +300,8 @@ def _kind(device: JsonObject, known: set[str]) -> str:
 def keep_ids(probe: JsonObject, shown: JsonObject, before: JsonObject, ledger: Mapping[str, Any]) -> Kept:
     """``probe`` is new, ``shown`` its committed form; ``before`` is what was committed last, ``ledger`` its instances.
 
-    A specimen is the former one by its serial number where that is its identity, else by its path in sysfs with the
-    same text. What is left gets the ids that are left, in order. Nothing changes for kinds with one specimen.
+    A unit is the former one by its serial number where that is its identity, else by its path in sysfs with the
+    same text. What is left gets the ids that are left, in order. Nothing changes for kinds with one unit.
     """
     former = {device["id"]: {**device, "instance": ledger.get(device["id"])} for device in before["devices"]}
     ids = [device["id"] for device in probe["devices"]]
@@ -355,7 +355,7 @@ def _free(base: str, taken: set[str]) -> str:
 
 
 def _base(name: str, known: set[str]) -> str:
-    """The kind: what stands before an ordinal, where that is an id too."""
+    """The kind: what is before an ordinal, where that is an id too."""
     ordinal = _ORDINAL.fullmatch(name)
     return ordinal[1] if ordinal and ordinal[1] in known else name
 

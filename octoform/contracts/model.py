@@ -1,6 +1,6 @@
 """The values that every rule shares: the artifacts so far, the facts of the profiles, and a rule itself.
 
-A rule sees values only. It opens nothing and asks nobody, so the same artifacts always give the same answer.
+A rule sees values only. It opens nothing and asks no one, so the same artifacts always give the same answer.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -14,7 +14,7 @@ from octoform.diagnostics import Diagnostic
 
 
 class Holding(Protocol):
-    """Facts of a profile: for which devices its evidence rule holds."""
+    """Facts of a profile: for which devices its match rule holds."""
 
     @property
     def holds(self) -> frozenset[str]:
@@ -22,7 +22,7 @@ class Holding(Protocol):
 
 
 class KnownDevices(Protocol):
-    """What says for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by their names."""
+    """What states for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by their names."""
 
     @property
     def identify(self) -> Mapping[str, Any] | None:
@@ -38,8 +38,9 @@ class StepFacts:
     """One step as octoform knows it before the agent has said anything.
 
     ``kind`` and ``minimum`` are those of its proof. ``devices`` are the ones that it may run for, see `corroborated`
-    (with ``needs_profile`` False: any annotated device). ``disabled`` are the units that the profile switches off, with
-    their reasons. ``cameras`` are as the step's input has them, ``best`` the device of the one that should be chosen.
+    (with ``needs_profile`` False: any identified device). ``disabled`` are the units that the profile switches off,
+    with their reasons. ``cameras`` are as the step's input has them, ``best`` the device of the one that should be
+    chosen.
     """
 
     name: str
@@ -62,7 +63,7 @@ class StepFacts:
 def corroborated(profile: str, artifacts: KnownDevices) -> tuple[str, ...]:
     """The devices that a step may run for which needs that profile, in IDENTIFY's order.
 
-    IDENTIFY annotated them with it, and its evidence rule holds for them: neither alone is enough.
+    IDENTIFY identified them with it, and its match rule holds for them: neither alone is enough.
     """
     facts = artifacts.profiles.get(profile)
     devices = artifacts.identify["devices"] if artifacts.identify is not None else ()
@@ -79,11 +80,11 @@ JsonObject = dict[str, Any]
 class ProfileFacts:
     """What octoform itself found out about one profile on this host.
 
-    ``holds`` are the ids of the PROBE devices for which the profile's evidence rule holds. Of ``limits``, those
+    ``holds`` are the ids of the PROBE devices for which the profile's match rule holds. Of ``limits``, those
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
     or capabilities that this glob matches, and ``unit`` names the unit of both numbers. ``commands`` are those of its
-    grammar as an agent is told them (``tool``, ``effect``, ``parameters`` by name), none where it has no grammar.
-    ``product`` is what the profile calls the product, "" where it does not say.
+    protocol definition as an agent is told them (``tool``, ``effect``, ``parameters`` by name), none where it has no
+    protocol definition. ``product`` is what the profile calls the product, "" where it does not say.
     """
 
     name: str
@@ -97,9 +98,10 @@ class ProfileFacts:
 class HostScan:
     """What the embedded agent saw of the host beside another agent's PROBE.
 
-    ``probe`` is its own PROBE artifact; ``unsaid`` are the texts of the other's with words that the host says nowhere
-    of the device: ``id``, ``member``, ``line`` (from 1) and ``words``. ``untrue`` are the other's scans that are said
-    to have worked with a program that is not here: ``scan`` (its index), ``program``, whether the host is ``recorded``.
+    ``probe`` is its own PROBE artifact; ``unsaid`` are the texts of the other's with words that the host reports
+    nowhere of the device: ``id``, ``member``, ``line`` (from 1) and ``words``. ``untrue`` are the other's scans that
+    are stated to have worked with a program that is not here: ``scan`` (its index), ``program``, whether the host is
+    ``recorded``.
     """
 
     probe: JsonObject
@@ -113,8 +115,8 @@ class Artifacts:
 
     ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to,
     ``duty`` what the report of WATCH or HEAL is held to: what its agent was given. ``scan`` is what PROBE is held to,
-    what the host itself shows; None where the embedded agent does PROBE or where nobody could look. ``registered`` is
-    what the host's id databases say of a device's numbers (maker and product), by its id; None where nobody looked.
+    what the host itself shows; None where the embedded agent does PROBE or where no one could look. ``registered`` is
+    what the host's id databases say of a device's numbers (maker and product), by its id; None where no one looked.
     ``offered`` names, by the device's id, a profile that comes with octoform, would match and is not in the manifest.
     """
 
@@ -153,7 +155,7 @@ def described(
 
 
 def does_stop(command: Mapping[str, Any]) -> bool:
-    """Whether a command of a grammar ends a movement, also where nothing can be interrupted."""
+    """Whether a command of a protocol definition ends a movement, also where nothing can be interrupted."""
     return bool(command.get("do") == "stop")
 
 

@@ -1,6 +1,6 @@
-"""Whether a text speaks of changing or moving something, wherever in it, and whether a parameter carries a quantity.
+"""Whether a string speaks of changing or moving something, wherever in it, and whether a parameter carries a quantity.
 
-Judgements over words, for devices of which nobody knows more than that there is a line to them. They are blunt on
+Judgements over words, for devices of which no one knows more than that there is a line to them. They are blunt on
 purpose: what is refused can be said otherwise, or the device's owner says what it is.
 """
 
@@ -96,7 +96,7 @@ _ORDERS = frozenset(_ORDERS_WORDS.split())
 
 
 def speaks_of_change(text: str) -> str | None:
-    """The words by which a text says that something is moved or changed, or None."""
+    """The words by which a string states that something is moved or changed, or None."""
     plain = re.sub(r"[_\-]+", " ", text).casefold()
     if found := next((each for each in _PHRASES.finditer(plain) if not _denied(plain[: each.start()])), None):
         return found[0]

@@ -318,7 +318,7 @@ def is_reading(name: str) -> bool:
 
 
 def changes(name: str, description: str) -> str | None:
-    """The word that says that a call changes or destroys something, or None."""
+    """The word that states that a call changes or destroys something, or None."""
     spoken = tokens(name)
     begins = [at for at in range(len(spoken)) if at == 0 or spoken[at - 1] in ("and", "then")]
     begins += [1] if spoken[0] in _MANNERS and len(spoken) > 1 else []
@@ -353,7 +353,7 @@ def same_action(name: str) -> frozenset[str]:
 
 
 def is_chip_name(name: str, raw_descriptor: str) -> bool:
-    """True when a product name says only which bridge sits in front of the product.
+    """True when a product name states only which bridge sits in front of the product.
 
     ``USB-serial adapter``, or a part number and a maker around such a phrase. Words of the maker's line in
     ``raw_descriptor`` do not count as naming a product.
@@ -368,12 +368,12 @@ def is_chip_name(name: str, raw_descriptor: str) -> bool:
 
 
 def says_nothing(word: str) -> bool:
-    """True for a word that could stand in any device's name: a filler, a bridge's word, one letter."""
+    """True for a word that could be in any device's name: a filler, a bridge's word, one letter."""
     return word in _BRIDGE or word in _HEADS or word in _FILLER or len(word) < 2
 
 
 def is_class_word(word: str) -> bool:
-    """True for a word that says what kind of thing a device is, in one or in many; nobody's name, and no model."""
+    """True for a word that states what kind of thing a device is, in one or in many; no one's name, and no model."""
     return word in _CLASS or word.removesuffix("s") in _CLASS
 
 

@@ -64,7 +64,7 @@ def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
 
 
 def says_language(text: str) -> bool:
-    """Whether a text says which language a word is of, or what it means."""
+    """Whether a string states which language a word is of, or what it means."""
     return _LANGUAGE.search(text) is not None
 
 

@@ -1,7 +1,7 @@
 """Two input schemas compared for what they accept, not for how they are written.
 
 INTERFACE is written by an agent; the server's schemas come out of a Python signature by way of a library with
-habits of its own (titles everywhere, `anyOf` with null for what may be left out, `const` for an enum of one). Only
+habits of its own (titles everywhere, `anyOf` with null for what may be omitted, `const` for an enum of one). Only
 what changes the values that a caller may send counts as a difference. Light.
 """
 

@@ -1,4 +1,4 @@
-"""The header of a generated server: what it says it needs (PEP 723 inline script metadata).
+"""The header of a generated server: what it states it needs (PEP 723 inline script metadata).
 
 The header makes the file runnable by itself and is the claim that DEPLOY proves. Light.
 """
@@ -48,7 +48,7 @@ def read_header(text: str) -> Header:
 
 
 def _table(text: str) -> dict[str, Any] | str:
-    """The first script header of a text as a table, or why it is none."""
+    """The first script header of a string as a table, or why it is none."""
     block = _BLOCK.search(text.replace("\r\n", "\n"))
     rows = block["content"].splitlines(True) if block is not None else []
     try:
@@ -58,7 +58,7 @@ def _table(text: str) -> dict[str, Any] | str:
 
 
 def interface_errors(text: str) -> list[tuple[str, str]]:
-    """(tool, problem) of what the server's author says that only INTERFACE can fix; what has another form is none."""
+    """(tool, problem) of what the server's author states that only INTERFACE can fix; what has another form is none."""
     table = _table(text)
     own = table.get("tool", {}) if isinstance(table, dict) else {}
     listed = own.get("octoform", {}).get("interface-errors", ()) if isinstance(own.get("octoform"), dict) else ()
@@ -89,7 +89,7 @@ def normalised(name: str) -> str:
 
 
 def header(value: str, _: Artifacts) -> list[Diagnostic]:
-    """The file says which Python and which packages it needs."""
+    """The file states which Python and which packages it needs."""
     found = read_header(value)
     if found.problem is None:
         return []

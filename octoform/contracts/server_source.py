@@ -1,7 +1,7 @@
 """A generated server as a syntax tree with its names resolved, ready for the rules.
 
 The rules over it catch the mistakes that agents make, in the file that a person will read. They are no sandbox:
-whoever means harm can hide from any static rule, which is why the import under watch and the trial calls follow.
+whoever means harm can hide from any static rule, which is why the import under watch and the test calls follow.
 """
 
 import ast
@@ -105,7 +105,7 @@ class Source:
 
     @cached_property
     def _own_names(self) -> dict[Function | None, set[str]]:
-        """What each function binds for itself, so that it is nobody else's name there."""
+        """What each function binds for itself, so that it is no one else's name there."""
         found: dict[Function | None, set[str]] = {}
         shared: dict[Function | None, set[str]] = {}
         for item in self.nodes:

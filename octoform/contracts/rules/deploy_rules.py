@@ -18,7 +18,7 @@ from octoform.contracts.server_source import Source, imported_modules, read_sour
 from octoform.diagnostics import Diagnostic, Span, error, warning
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})
-"""Words by which builds of one library are told apart in its name."""
+"""Words by which builds of one library are distinguished in its name."""
 _PYTHONS = tuple(f"3.{minor}.{patch}" for minor in range(8, 30) for patch in (0, 9))
 
 
@@ -243,7 +243,7 @@ def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A requirement provides an import, or says what it is there for."""
+    """A requirement provides an import, or states what it is there for."""
     used = {normalised(item["provided_by"]) for item in value["imports"]}
     return [
         error(
@@ -314,7 +314,7 @@ def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
 
 
 def _named_as_module(value: JsonObject) -> list[Diagnostic]:
-    """A package that is required for a module which another one is said to provide."""
+    """A package that is required for a module which another one is stated to provide."""
     providers = {item["module"]: item["provided_by"] for item in value["imports"]}
     out = []
     for index, item in enumerate(value["requirements"]):

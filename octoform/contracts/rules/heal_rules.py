@@ -48,7 +48,7 @@ def target_differs(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def action_misfit(value: JsonObject, _: Artifacts) -> Found:
-    """The action is one that mends this class, and there is one exactly where the report says that it repairs."""
+    """The action is one that fixes this class, and there is one exactly where the report states that it repairs."""
     action, status, allowed = value["action"], value["status"], ACTIONS[value["class"]]
     problem = None
     if status == "repaired" and action == NONE:
@@ -205,7 +205,7 @@ def _returns(side: _Side) -> Iterator[ast.Return]:
 
 
 def _constant(value: ast.expr) -> bool:
-    """Whether an expression asks nobody and holds nothing that was asked: no name, no call."""
+    """Whether an expression asks no one and holds nothing that was asked: no name, no call."""
     return not any(isinstance(node, ast.Name | ast.Call | ast.Attribute) for node in ast.walk(value))
 
 

@@ -16,7 +16,7 @@ from octoform.diagnostics import Diagnostic, error
 LISTED_AT_ONCE, SHOWN_AT_ONCE = 12, 3
 """How many ids of missing devices one finding names, and how many of them with their names and folders."""
 FEW = 3
-"""So many devices may be left out of a small host; of a large one a quarter."""
+"""So many devices may be omitted from a small host; of a large one a quarter."""
 _NUMBERS = ("vid", "pid")
 _PLATFORM = ("os", "os_id", "os_version", "arch", "kernel")
 # How package systems call what the kernel calls otherwise.
@@ -49,7 +49,7 @@ def unknown_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What is said of a device and of the platform is what the host shows."""
+    """What is stated of a device and of the platform is what the host shows."""
     if known.scan is None:
         return []
     true = _by_id(known.scan)
@@ -79,7 +79,7 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """Every device of the host is listed, or left out with a reason."""
+    """Every device of the host is listed, or omitted with a reason."""
     if known.scan is None:
         return []
     there = {device["id"] for device in value["devices"]} | {each["id"] for each in value.get("left_out", ())}
@@ -103,7 +103,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What is left out is not listed all the same, and is little; that it looks dull is no reason.
+    """What is omitted is not listed all the same, and is little; that it looks dull is no reason.
 
     It need not be there any more: a device that went away while the agent looked is told so.
     """
@@ -129,7 +129,7 @@ def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """For every bus and class of which devices are listed, a scan that worked says how they were found."""
+    """For every bus and class of which devices are listed, a scan that worked states how they were found."""
     if known.scan is None:
         return []
     worked = [scan for scan in value["scan_methods"] if scan["status"] == "ok"]
@@ -175,10 +175,10 @@ RULES = (
 
 
 def completed(value: JsonObject, scan: HostScan) -> JsonObject:
-    """The artifact with the host's own facts on each specimen, by which a tool tells it from its twin.
+    """The artifact with the host's own facts on each unit, by which a tool tells it from its twin.
 
     They are also what is hidden before anything reaches git: a serial number that the agent named nowhere, too. Numbers
-    and drivers that it left out, and the system's own spelling of the bus and the platform, join them. The host's name
+    and drivers that it omitted, and the system's own spelling of the bus and the platform, join them. The host's name
     and the time are those of the scan.
     """
     true = _by_id(scan)
@@ -190,7 +190,7 @@ def completed(value: JsonObject, scan: HostScan) -> JsonObject:
 
 
 def _filled(device: JsonObject, true: JsonObject) -> JsonObject:
-    """A device with what the host shows of it beside what was said."""
+    """A device with what the host shows of it beside what was stated."""
     facts = {name: true[name] for name in (*_NUMBERS, "drivers") if name in true and name not in device}
     instance = {**device.get("instance", {}), **true["instance"]}
     return {**device, **facts, "interface": true["interface"], "instance": instance}
@@ -251,7 +251,7 @@ def _places(device: JsonObject) -> list[tuple[str, str]]:
 def _differences(
     device: JsonObject, true: JsonObject, taken: Mapping[tuple[str, str], str]
 ) -> Iterator[tuple[str, str, str]]:
-    """(member, what is said, what is true) where a device's entry and the host differ; ``taken`` are all places."""
+    """(member, what is stated, what is true) where a device's entry and the host differ; ``taken`` are all places."""
     for name in _NUMBERS:
         if device.get(name, true.get(name)) != true.get(name):
             yield name, shown(device[name]), shown(true[name]) if name in true else "none"

@@ -1,4 +1,4 @@
-"""Rules for PROBE: everything that the operating system shows, nothing more, and no specimen's marks in a kind.
+"""Rules for PROBE: everything that the operating system shows, nothing more, and no unit's marks in a kind.
 
 PROBE may look and not touch. It runs before anybody knows what the devices are, so a terminal line that is opened
 here may reset a board or move an arm.
@@ -105,7 +105,7 @@ def neighbour_not_context(value: JsonObject, known: Artifacts) -> list[Diagnosti
 
 
 def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No scan tells of opening, reading or writing a terminal line."""
+    """No scan shows opening, reading or writing a terminal line."""
     out = []
     for index, scan in enumerate(value["scan_methods"]):
         for member in ("name", "detail"):
@@ -121,7 +121,7 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def installed(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No scan tells of installing, loading or changing something: PROBE uses what is there."""
+    """No scan shows installing, loading or changing something: PROBE uses what is there."""
     hint = "use what is here and change nothing; a way that would have to be installed first is not_found"
     return _telling(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install, load and change nothing", hint)
 
@@ -133,13 +133,13 @@ def port_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def rights(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No scan tells of rights that were asked for."""
+    """No scan shows rights that were asked for."""
     hint = "look with the rights that you have; what wants others has the status denied"
     return _telling(value, _RIGHTS, "PROBE-RIGHTS", "PROBE may ask for no rights", hint)
 
 
 def device_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No scan tells of using a device or of asking a bus who answers."""
+    """No scan shows using a device or of asking a bus who answers."""
     hint = "read what the kernel already shows; open no device, and send nothing on a bus to find out who answers"
     return _telling(value, _OPENED, "PROBE-DEVICE-OPENED", "PROBE may open no device", hint)
 
@@ -223,7 +223,7 @@ def _tells_of_touching(text: str) -> bool:
 
 
 def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hint: str) -> list[Diagnostic]:
-    """An error for each scan whose name or detail tells of something, unless it says that this was not done."""
+    """An error for each scan whose name or detail tells of something, unless it states that this was not done."""
     out = []
     for index, scan in enumerate(value["scan_methods"]):
         for member in ("name", "detail"):
@@ -292,7 +292,7 @@ def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What the system calls a device stands in what is said of it: nobody after PROBE can look it up."""
+    """What the system calls a device is in what is stated of it: no one after PROBE can look it up."""
     out = []
     for index, device, true in _pairs(value, known.scan):
         said = {word for text in _strings(device) for word in _words(text)}
@@ -306,7 +306,7 @@ def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def instance_in_text(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """A node, a path or a port stands in no text of a device."""
+    """A node, a path or a port is in no text of a device."""
     out = []
     for index, device, true in _pairs(value, known.scan):
         own = f"{true['name']}\n{true['raw_descriptor']}"
@@ -350,7 +350,7 @@ def _strings(device: JsonObject) -> Iterator[str]:
 
 
 def _words(text: str) -> list[str]:
-    """The words of a text in small letters, escapes and what was hidden left out; ``0x1F00`` is 1f00."""
+    """The words of a string in small letters, escapes and what was hidden omitted; ``0x1F00`` is 1f00."""
     return [word.removeprefix("0x") for word in _WORD.findall(_ESCAPE.sub(" ", text).casefold())]
 
 

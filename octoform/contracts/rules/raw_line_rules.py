@@ -1,9 +1,9 @@
-"""Rules for what moves at the end of a raw line: whoever drives it knows its limits and how it stops.
+"""Rules for what moves at the end of a raw line: anyone who drives it knows its limits and how it stops.
 
 Behind a serial line, a HID report, a bus or a bare USB interface the kernel knows nothing of the device: no range, no
-unit, no stop. A model may remember the registers of a servo, and nobody can tell whether it does so rightly before
+unit, no stop. A model may remember the registers of a servo, and no one can determine whether it does so rightly before
 something has moved. So what acts there comes from a profile, or from what the device's owner said of it; and what is
-said to read there speaks of nothing that moves and takes nothing that a device could do.
+stated to read there speaks of nothing that moves and takes nothing that a device could do.
 """
 
 import re
@@ -28,7 +28,7 @@ _NAMING = re.compile(
     r"|udev\.ID_MODEL\w*|of_name|compatible): (.*)$",
     re.MULTILINE,
 )
-"""Lines of PROBE in which a device says what it is."""
+"""Lines of PROBE in which a device reports what it is."""
 _MAKER = re.compile(
     r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE
 )
@@ -53,7 +53,7 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
 
 
 def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is said to read on a line that nobody knows speaks nowhere of moving or changing something."""
+    """What is stated to read on a line that no one knows speaks nowhere of moving or changing something."""
     out = []
     for index, at, device, capability in _reading(value, artifacts):
         if device["id"] in artifacts.offered and not _only_listens(capability):
@@ -70,7 +70,7 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is read through a line that nobody knows rests on a word of the device; a bare board gives none."""
+    """What is read through a line that no one knows rests on a word of the device; a bare board gives none."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, at, device, capability in _reading(value, artifacts):
@@ -103,7 +103,7 @@ def profile_not_chosen(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 
 
 def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool that reads on such a line says so in its description, and its parameters only select."""
+    """A tool that reads on such a line reports that in its description, and its parameters only select."""
     lines, out = unknown_lines(artifacts), []
     for index, tool in enumerate(value["tools"]):
         known = sorted(lines.intersection(tool["devices"]))
@@ -183,7 +183,7 @@ INTERFACE_RULES = (Rule(TOOL, tool_moves), Rule(LIMITED, read_limited), Rule(UNS
 
 
 def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
-    """Whether a person or a profile says how it is driven; a profile that does not hold is another rule's finding."""
+    """Whether a person or a profile states how it is driven; a profile that does not hold is another rule's finding."""
     return device["id"] in artifacts.answers or "profile" in device or device["method"] == "profile"
 
 
@@ -206,7 +206,7 @@ def lines_beside(artifacts: Artifacts) -> frozenset[str]:
 
 
 def lines_without_knowledge(artifacts: Artifacts) -> frozenset[str]:
-    """The devices whose raw line nobody knows, whether or not a class with a meaning is beside it."""
+    """The devices whose raw line no one knows, whether or not a class with a meaning is beside it."""
     return unknown_lines(artifacts) | lines_beside(artifacts)
 
 

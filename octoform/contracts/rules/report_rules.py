@@ -47,7 +47,7 @@ class Target:
 
 
 def facts_of(artifacts: Artifacts) -> DutyFacts:
-    """The facts of the duty; ValueError without them, which no user can cause."""
+    """The facts of the background task; ValueError without them, which no user can cause."""
     if artifacts.duty is None:
         raise ValueError("a report cannot be checked without what its agent was given")
     return artifacts.duty
@@ -193,7 +193,7 @@ def source_of(identity: str, artifacts: Artifacts) -> str | None:
 
 
 def orders(code: str) -> RuleCheck:
-    """No text of a report holds an address or a command: whoever reads it next might follow it."""
+    """No text of a report holds an address or a command: anyone who reads it next might follow it."""
 
     def check(value: Any, _: Artifacts) -> Found:
         found = []
@@ -270,7 +270,7 @@ def _told(value: Any, where: str) -> Iterator[tuple[str, str]]:
 
 
 def rules(stage: str) -> tuple[Rule, ...]:
-    """The rules for the claims of one duty, with codes of its own."""
+    """The rules for the claims of one background task, with codes of its own."""
     return (
         _rule(f"{stage}-CLAIM-OTHER-SIGNAL", _other_signal),
         _rule(f"{stage}-CLAIM-ELSEWHERE", _elsewhere),
@@ -376,7 +376,7 @@ def _outranked(code: str) -> RuleCheck:
 
 
 def _restricts_reading(code: str) -> RuleCheck:
-    """What reads or stops stays open: nobody could learn otherwise that the trouble is over, or end a movement."""
+    """What reads or stops stays open: no one could learn otherwise that the problem is over, or end a movement."""
 
     def check(value: Any, artifacts: Artifacts) -> Found:
         found = []

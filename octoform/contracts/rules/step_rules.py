@@ -1,7 +1,7 @@
-"""Rules for a privileged step: what is tried is the corroborated device, with its own tools, and all of it.
+"""Rules for a privileged step: what is tried is the matched device, with its own tools, and all of it.
 
-An agent says what shall move, octoform moves it. So before anything moves, the movement must belong to the device that
-the step is for; and a unit that is left out without a reason would be taken for one that works.
+An agent reports what shall move, octoform moves it. So before anything moves, the movement must belong to the device
+that the step is for; and a unit that is omitted without a reason would be taken for one that works.
 """
 
 from collections.abc import Iterator, Mapping
@@ -112,7 +112,7 @@ def device_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def wrong_proof(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The trials are of the kind that proves this step, and there is at least one."""
+    """The tests are of the kind that proves this step, and there is at least one."""
     facts = _facts(artifacts)
     if facts.idle and not any(value[name] for name in _CLAIMS):
         return []
@@ -138,7 +138,7 @@ def wrong_proof(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def foreign_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A trial moves with an actuating and reads with a reading tool of its device, and looks with one of a camera."""
+    """A test moves with an actuating and reads with a reading tool of its device, and looks with one of a camera."""
     found = []
     own = [item["name"] for item in tools_of(artifacts, value["device"])]
     for where, part, call in _calls(value):
@@ -238,7 +238,7 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def _misnamed(trial: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
-    """A trial that says one unit and moves or reads another proves nothing."""
+    """A test that says one unit and moves or reads another proves nothing."""
     for place, part, call in _calls_of(trial):
         arguments = call["arguments"] if part != "view" else {}
         for parameter in offered:
@@ -352,7 +352,7 @@ def _calls(value: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
 
 
 def _calls_of(trial: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
-    """The same of one trial; the pointer begins at the trial."""
+    """The same of one test; the pointer begins at the test."""
     for part in _CALLS:
         if trial[part] is not None:
             yield pointer(part), part, trial[part]

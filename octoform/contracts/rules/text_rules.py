@@ -2,7 +2,7 @@
 
 Device strings go into terminals, prompts, reviews and, as descriptions of tools, to the models that use the endpoint.
 What does not show there may act on them: an escape sequence, a mark that turns the direction of writing, letters of
-no width. PROBE writes such characters as escapes; nobody after it needs any other.
+no width. PROBE writes such characters as escapes; no one after it needs any other.
 """
 
 from collections.abc import Collection, Iterator
@@ -32,7 +32,7 @@ def in_values(code: str, several_lines: Collection[str] | None = None) -> RuleCh
 
 
 def in_source(code: str) -> RuleCheck:
-    """The rule over a program's text as it stands in its file; escapes in its literals are visible."""
+    """The rule over a program's text as it is in its file; escapes in its literals are visible."""
 
     def check(value: str, _: Artifacts) -> list[Diagnostic]:
         found = []

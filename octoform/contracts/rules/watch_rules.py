@@ -1,4 +1,4 @@
-"""Rules for WATCH: health is told only where everything reports, and a trouble only where something shows it."""
+"""Rules for WATCH: health is told only where everything reports, and a problem only where something shows it."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -44,7 +44,7 @@ def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def health_uncovered(value: JsonObject, artifacts: Artifacts) -> Found:
-    """Nobody is healthy who does not report."""
+    """No one is healthy who does not report."""
     if value["status"] != "healthy":
         return []
     return [
@@ -132,7 +132,7 @@ def failure_passed_over(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def _cited_alike(failure: Any, cited: set[str], artifacts: Artifacts) -> bool:
-    """Another failure of the same tool and kind is cited: a message that changes in a number is the same trouble."""
+    """Another failure of the same tool and kind is cited: a message that changes in a number is the same problem."""
     return any(
         row["id"] in cited and row["tool"] == failure["tool"] and row.get("error") == failure.get("error")
         for row in facts_of(artifacts).failures
@@ -159,7 +159,7 @@ def declaration_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def physical_state(value: JsonObject, artifacts: Artifacts) -> Found:
-    """Of what stands where is spoken only where a picture was given."""
+    """Of what is where is spoken only where a picture was given."""
     facts, state = facts_of(artifacts), value["physical_state"]
     found = []
     if state["available"] and not facts.frames:

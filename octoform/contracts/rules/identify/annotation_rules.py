@@ -1,4 +1,4 @@
-"""Rules for what IDENTIFY says of a device beside its name: how it was found out, what kind it is, why it is left out.
+"""Rules for what IDENTIFY says of a device beside its name: how it was found out, what kind it is, why it is omitted.
 
 Each of these statements can be held against what PROBE shows of the device, and is refused only where that shows the
 opposite: a driver that did not bind decided nothing, and a camera of the kernel is neither unknown nor without a use.
@@ -92,7 +92,7 @@ def known_called_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagno
 
 
 def reason_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The reason for which a device is left out is true of it, as far as PROBE shows."""
+    """The reason for which a device is omitted is true of it, as far as PROBE shows."""
     probed = _probed(artifacts)
     kept = [probed[device["id"]] for device in value["devices"] if device["id"] in probed]
     out = []
@@ -225,13 +225,13 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
 
 
 def _is_registered(entry: JsonObject, artifacts: Artifacts) -> bool:
-    """Whether a database of the host has an entry of a device, or nobody looked."""
+    """Whether a database of the host has an entry of a device, or no one looked."""
     known = artifacts.registered is None or artifacts.registered.get(entry["id"])
     return bool(known) or "_FROM_DATABASE" in entry["raw_descriptor"]
 
 
 def _has_string(entry: JsonObject) -> bool:
-    """Whether a device of USB or PCI says anything of itself that is no number."""
+    """Whether a device of USB or PCI states anything of itself that is no number."""
     if entry["interface"] not in ("usb", "pci"):
         return True
     name = str(entry["name"]).removeprefix(f"{entry['interface']} ").removeprefix("device ")
@@ -382,13 +382,13 @@ def _deed(device: JsonObject, capability: JsonObject, entry: JsonObject | None) 
 
 
 def _is_command(device: JsonObject, capability: JsonObject, artifacts: Artifacts) -> bool:
-    """Whether a profile that holds says what a capability is: its effect stands there."""
+    """Whether a profile that holds states what a capability is: its effect is there."""
     facts = artifacts.profiles.get(device.get("profile", ""))
     return facts is not None and any(command["tool"] == capability["name"] for command in facts.commands)
 
 
 def _reached(capability: JsonObject) -> frozenset[str]:
-    """The classes by which a capability says that its device is reached."""
+    """The classes by which a capability states that its device is reached."""
     parameters = capability.get("parameters", {})
     named = (parameters.get(name) for name in ("class", "kernel_class", "subsystem"))
     return frozenset(name for name in named if isinstance(name, str) and name in _CLASSES)

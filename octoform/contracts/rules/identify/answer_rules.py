@@ -1,8 +1,9 @@
-"""Rules for what a person said of a device: it counts where it was said, it is not passed over, and it is asked once.
+"""Rules for what a person said of a device: it counts where it was stated, it is not passed over, and it is asked once.
 
-A profile that holds is of the same kind: who names the device otherwise would do without its grammar and its limits.
+A profile that holds is of the same kind: who names the device otherwise would do without its protocol definition and
+its limits.
 
-A person is asked one question a device. An agent that claims an answer nobody gave makes up hardware; one that asks
+A person is asked one question a device. An agent that claims an answer no one gave makes up hardware; one that asks
 again, or asks two things at once, has the person do its work.
 """
 

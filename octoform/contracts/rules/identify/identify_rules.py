@@ -29,7 +29,7 @@ _ACTING = ("sensor", "actuator", "bidirectional")
 
 
 def invented_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Every id stands in PROBE."""
+    """Every id is in PROBE."""
     known = _probed(artifacts)
     out = []
     for member in ("devices", "left_out"):
@@ -44,7 +44,7 @@ def invented_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
 
 
 def duplicate_device(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """Each device is annotated or left out, once."""
+    """Each device is identified or omitted, once."""
     first: dict[str, str] = {}
     out = []
     for member in ("devices", "left_out"):
@@ -141,7 +141,7 @@ def unknown_confidence(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def unknown_missing(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is unknown says which sentence from a person would settle it."""
+    """What is unknown states which sentence from a person would settle it."""
     return [
         error(
             "IDENTIFY-UNKNOWN-MISSING",
@@ -204,7 +204,7 @@ def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def profile_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A profile contributes only where its own evidence rule holds, as octoform evaluated it."""
+    """A profile contributes only where its own match rule holds, as octoform evaluated it."""
     out = []
     for index, device in enumerate(value["devices"]):
         name = device.get("profile")

@@ -1,10 +1,10 @@
 """A name rests on its evidence: what a device is called must be said somewhere that a reader can look up.
 
 A quote that stands verbatim in PROBE proves little when the name beside it has nothing to do with it ("driver: usbhid"
-under the name of a robot). So in a name that claims to be known each word is either a word of class, which says what
-kind of thing it is, or stands in what is cited: a maker, a model, a word with a digit in a quote; a word that
-describes, at least in what is said to follow from a quote. A kind of thing follows from a class of the kernel, or is
-said by the device. What an id database says is looked up in those of the host.
+under the name of a robot). So in a name that claims to be known each word is either a word of class, which states what
+kind of thing it is, or is in what is cited: a maker, a model, a word with a digit in a quote; a word that
+describes, at least in what is stated to follow from a quote. A kind of thing follows from a class of the kernel, or is
+stated by the device. What an id database reports is looked up in those of the host.
 """
 
 import re
@@ -61,7 +61,7 @@ _CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
 
 
 def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Each word of a name that is claimed to be known is one of class, or stands in the evidence for it."""
+    """Each word of a name that is claimed to be known is one of class, or is in the evidence for it."""
     out = []
     for index, device, probed in _claims(value, artifacts):
         entry = _entry(device, artifacts)
@@ -78,7 +78,7 @@ def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is said to stand in an id database stands there: octoform has looked."""
+    """What is stated to be in an id database is there: octoform has looked."""
     out = []
     for index, device, probed in _claims(value, artifacts):
         entry = _entry(device, artifacts)
@@ -123,7 +123,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
-    """The words of a name that neither the device says nor a class bears out; of a line nothing follows, either."""
+    """The words of a name that neither the device reports nor a class bears out; of a line nothing follows, either."""
     told = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
     own = said([*_texts(probed), entry or "", *(text for text in told if _SOURCE.search(text))])
     own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
@@ -149,7 +149,7 @@ RULES = (
 
 
 def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, JsonObject, JsonObject]]:
-    """(index, annotation, PROBE entry) of the devices whose name is claimed to be known, on quotes that stand there."""
+    """(index, annotation, PROBE entry) of the devices whose name is claimed to be known, on quotes that are there."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     for index, device in enumerate(value["devices"]):
         known = probed.get(device["id"], {})
@@ -167,7 +167,7 @@ def _held_products(device: JsonObject, artifacts: Artifacts) -> list[str]:
 
 
 def _entry(device: JsonObject, artifacts: Artifacts) -> str | None:
-    """What the host's databases say of a device; "" for nothing, None where nobody looked."""
+    """What the host's databases say of a device; "" for nothing, None where no one looked."""
     return None if artifacts.registered is None else artifacts.registered.get(device["id"], "")
 
 
@@ -196,7 +196,7 @@ def _of_class(spelt: list[str], quoted: frozenset[str], probed: JsonObject) -> l
 
 
 def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[str]) -> list[str]:
-    """The words for a kind of thing that neither a class of the kernel bears out nor anything that is said."""
+    """The words for a kind of thing that neither a class of the kernel bears out nor anything that is stated."""
     head = words(_HEAD.split(name.strip(), maxsplit=1)[0] or name)
     own = cited | said(_texts(probed)) | _translated(device)
     own |= {"motor"} if {"stepper", "servo"} & own else set()
@@ -211,7 +211,7 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
 def _untold(
     device: JsonObject, probed: JsonObject, entry: str | None, telling: list[str], quoted: frozenset[str]
 ) -> list[str]:
-    """Of the words that tell one product from another, those that nothing says."""
+    """Of the words that tell one product from another, those that nothing states."""
     spoken = said(evidence.get("says", "") for evidence in device["evidence"])
     if device["method"] == _DATABASE:
         models = _models(words(entry or ""))
@@ -234,7 +234,7 @@ def _untold(
 
 
 def _translated(device: JsonObject) -> frozenset[str]:
-    """The words of what is said about a language or a meaning; a number is no translation."""
+    """The words of what is stated about a language or a meaning; a number is no translation."""
     told = [evidence.get("says", "") for evidence in device["evidence"]]
     return frozenset(word for word in said(text for text in told if says_language(text)) if not has_digit(word))
 
@@ -253,14 +253,14 @@ def _meanings(device: JsonObject) -> frozenset[str]:
 
 
 def _codes(probed: JsonObject) -> frozenset[str]:
-    """The numbers that stand nowhere of a device but in lines of its registered numbers."""
+    """The numbers that are nowhere of a device but in lines of its registered numbers."""
     raw = str(probed.get("raw_descriptor", ""))
     elsewhere = said([_CODES.sub("", raw)])
     return frozenset(word for word in said(_CODES.findall(raw)) if has_digit(word) and word not in elsewhere)
 
 
 def _tells(word: str) -> bool:
-    """False for what could stand in any name, and for what says the kind of thing; a number tells models apart."""
+    """False for what could be in any name, and for what states the kind of thing; a number tells models apart."""
     return word.isdigit() or not (word in _GRAMMAR or says_nothing(word) or is_class_word(word))
 
 
@@ -270,7 +270,7 @@ def _models(of: Iterable[str]) -> list[str]:
 
 
 def _own_words(probed: JsonObject, entry: str | None) -> str | None:
-    """What would bear out a name: the device's own lines, and what the host's database says of its numbers."""
+    """What would bear out a name: the device's own lines, and what the host's database reports of its numbers."""
     lines = str(probed.get("raw_descriptor", "")).splitlines()
     told = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
     told = [f"PROBE has {shown(line)}" for line in told[:4]]

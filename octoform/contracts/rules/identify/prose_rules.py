@@ -1,8 +1,9 @@
-"""Rules for the free text of IDENTIFY: it describes kinds, orders nobody anything, and names no place of one host.
+"""Rules for the free text of IDENTIFY: it describes kinds, orders no one anything, and names no place of one host.
 
 Names and descriptions are read by the agents of the stages behind, by people, and by the models that call the tools.
 A sentence that gives orders acts on them, and a node or an address is another one after the next re-plug. What a
-device says of itself may be quoted as it stands, however it sounds: a text that PROBE holds is never a finding here.
+device reports of itself may be quoted as it stands, however it sounds: a string that PROBE holds is never a finding
+here.
 """
 
 import re
@@ -53,7 +54,7 @@ _PLACE_HINT = "take it out: a device is found by its id at every call, through `
 
 
 def orders(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """No text gives orders to whoever reads it."""
+    """No text gives orders to anyone who reads it."""
     out = []
     for device, member, where, text in _texts(value):
         found = _ORDERS.search(text) or (_CALLS.search(text) if member == "identified_as" else None)
@@ -110,7 +111,7 @@ Where = tuple[str | int, ...]
 
 
 def _texts(value: JsonObject) -> Iterator[tuple[str, str, Where, str]]:
-    """(device, member, where, text) of all that is written freely; quotes are copies and are left aside."""
+    """(device, member, where, text) of all that is written freely; quotes are copies and are omitted."""
     for index, device in enumerate(value["devices"]):
         here: Where = ("devices", index)
         yield device["id"], "identified_as", (*here, "identified_as"), device["identified_as"]
@@ -152,7 +153,7 @@ def _members(value: Any) -> Iterator[tuple[str, str | int]]:
 
 
 def _is_quoted(text: str, device: str, artifacts: Artifacts) -> bool:
-    """Whether a piece of text stands in what PROBE says of the device, or in its owner's answer."""
+    """Whether a piece of text is in what PROBE reports of the device, or in its owner's answer."""
     probed = next((each for each in (artifacts.probe or {}).get("devices", ()) if each["id"] == device), None)
     own = [probed["name"], probed["raw_descriptor"]] if probed else []
     known = " ".join(" ".join((*own, *answer_rules.texts(device, artifacts))).split())

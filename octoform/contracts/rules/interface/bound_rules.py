@@ -1,6 +1,6 @@
 """Rules for INTERFACE about what a caller may give: numbers within bounds, waits that end, no text that is a program.
 
-What is served is called by a model, with arguments that nobody has looked at. So each number that reaches an actuator
+What is served is called by a model, with arguments that no one has looked at. So each number that reaches an actuator
 has both its bounds in the schema (the server's own signature enforces them), each wait ends within a minute, and no
 text goes to a device, a shell or a file system as it is.
 """
@@ -38,7 +38,7 @@ _BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
 _LONG = frozenset({"min", "mins", "minutes", "h", "hours"})
 _PAST = re.compile(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
 LONGEST_TRIAL = 10.0
-"""Seconds that the trial call of a reading may wait, or record."""
+"""Seconds that the test call of a reading may wait, or record."""
 _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
 _ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
@@ -95,7 +95,7 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def trial_too_long(value: JsonObject) -> list[Diagnostic]:
-    """The trial call of a reading, which is really made, waits and records as briefly as it may."""
+    """The test call of a reading, which is really made, waits and records as briefly as it may."""
     out = []
     for tool, name, where, member, unit in _waits(value):
         given = tool.get("smoke", {}).get("arguments", {}).get(name, member.get("default"))
@@ -107,7 +107,7 @@ def trial_too_long(value: JsonObject) -> list[Diagnostic]:
 
 
 def _waits(value: JsonObject) -> Iterator[tuple[JsonObject, str, str, Mapping[str, Any], float]]:
-    """(tool, parameter, pointer, schema, seconds of its unit) of each number that says how long a call lasts."""
+    """(tool, parameter, pointer, schema, seconds of its unit) of each number that states how long a call lasts."""
     for index, tool in enumerate(value["tools"]):
         for name, where, member in _parameters(index, tool):
             spoken = set(tokens(name))

@@ -65,7 +65,7 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A reading has members with units; a bare text may have to be parsed by whoever calls it."""
+    """A reading has members with units; a bare text may have to be parsed by anyone who calls it."""
     effects, out = effects_of(artifacts), []
     hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
     for index, tool in enumerate(value["tools"]):
@@ -135,7 +135,7 @@ def _descriptions(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tu
 
 
 def _said(form: "re.Pattern[str]", text: str, names: str) -> bool:
-    """Whether a description says something itself; what a device calls itself is quoted in it, whatever that is."""
+    """Whether a description states something itself; what a device calls itself is quoted in it, whatever that is."""
     return any(found[0].casefold() not in names for found in form.finditer(text))
 
 
@@ -161,7 +161,7 @@ _LONG_SERVER = 12
 
 
 def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Each capability has its tool, unless all of its devices are left out for the budget, or as unsafe."""
+    """Each capability has its tool, unless all of its devices are omitted for the budget, or as unsafe."""
     served = {tool["capability"] for tool in value["tools"]}
     open_lines = raw_line_rules.lines_without_knowledge(artifacts)
     unsafe = "what is not safe to serve is skipped with the reason unsafe, its `capability` named and why in `detail`; "
@@ -179,7 +179,7 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
 
 
 def identify_blamed(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What the agent says only IDENTIFY can mend is told to IDENTIFY; no interface stands on it."""
+    """What the agent reports only IDENTIFY can fix is reported to IDENTIFY; no interface stands on it."""
     known, out = _known(artifacts), []
     for index, item in enumerate(value.get("identify_errors", ())):
         about = " and ".join(shown(item[name]) for name in ("capability", "device") if name in item)
@@ -372,7 +372,7 @@ def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Every device is served by a tool or left out with a reason."""
+    """Every device is served by a tool or omitted with a reason."""
     told = _served(value) | {item["id"] for item in value["left_out"]}
     silent = [name for name in _known(artifacts) if name not in told]
     if not silent:
@@ -383,7 +383,7 @@ def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 
 
 def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A device is left out once, and not served as well, save for what the tool budget cut."""
+    """A device is omitted once, and not served as well, save for what the tool budget cut."""
     served = _served(value)
     seen: set[tuple[str, str]] = set()
     out = []

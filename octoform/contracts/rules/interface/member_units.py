@@ -1,4 +1,4 @@
-"""Which members of a tool's result are quantities, and whether the schema says in which unit they are.
+"""Which members of a tool's result are quantities, and whether the schema states in which unit they are.
 
 A number is held against what can be measured in its unit. Without one, 53125 may be a temperature as well as a count.
 """

@@ -1,6 +1,6 @@
-"""The rule for a device whose owner described its whole command grammar: one tool for each command, and no other.
+"""The rule for a device whose owner described its whole protocol definition: one tool for each command, and no other.
 
-A description is closed. A tool beside it would send something that nobody described, and one with other parameters
+A description is closed. A tool beside it would send something that no one described, and one with other parameters
 would let a caller say what the description does not allow; both come from an agent that guesses.
 """
 
@@ -17,7 +17,7 @@ CODE = "INTERFACE-GRAMMAR-DIFFERS"
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The tools of a device with a grammar mirror it exactly: names, effects, and what a caller may say."""
+    """The tools of a device with a protocol definition mirror it exactly: names, effects, and what a caller may say."""
     spared = {item["id"] for item in value["left_out"] if item["reason"] in SPARED}
     out: list[Diagnostic] = []
     for device, profile, commands in described(artifacts.identify, artifacts):
@@ -39,7 +39,7 @@ RULES = (Rule(CODE, grammar_differs),)
 
 
 def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:
-    """What of a tool is not as its command says, and what to do."""
+    """What of a tool is not as its command reports, and what to do."""
     command = commands.get(name)
     if command is None or tool["name"] != name:
         near = did_you_mean(tool["name"], list(commands))
@@ -54,7 +54,7 @@ def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, An
 
 
 def _parameters(schema: JsonObject, wanted: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:
-    """Each parameter has its type and its words, and may be left out where the command has a default, only there."""
+    """Each parameter has its type and its words, and may be omitted where the command has a default, only there."""
     given = schema.get("properties") or {}
     has = {name: member for name, member in given.items() if name != "device" and isinstance(member, dict)}
     if {name: member.get("type") for name, member in has.items()} != {

@@ -1,7 +1,7 @@
 """Rules for INTERFACE that read the tools' own schemas: valid, typed, bounded, and callable.
 
 Heavy: imports jsonschema. A schema comes from an agent, so nothing in it is fetched, and no pattern of it is run
-against text here (a pattern can be written to take for ever).
+against text here (a pattern can be written to never end).
 """
 
 import json
@@ -85,7 +85,7 @@ def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def limit_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Each limit of a profile in force stands in the tool that it concerns."""
+    """Each limit of a profile in force is in the tool that it concerns."""
     out = []
     for index, tool, wanted, profile in _profile_limits(value, artifacts):
         if _limit_of(tool, wanted["parameter"]) is None:
@@ -146,7 +146,7 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A read tool can be called once for trial, briefly: its smoke arguments, or none, fit its input_schema."""
+    """A read tool can be called once for a test, briefly: its smoke arguments, or none, fit its input_schema."""
     effects = effects_of(artifacts)
     out = trial_too_long(value)
     for index, tool in enumerate(value["tools"]):
@@ -209,7 +209,7 @@ def _schema_problem(schema: JsonObject) -> str | None:
 
 @lru_cache(maxsize=512)
 def _misshapen(schema: str) -> str | None:
-    """Why a text is no JSON Schema. Remembered: a contract is checked several times in a run, and tools are alike."""
+    """Why a string is no JSON Schema. Remembered: a contract is checked several times in a run, and tools are alike."""
     try:
         Draft202012Validator.check_schema(parse(schema))
     except SchemaError as problem:
@@ -226,7 +226,7 @@ def _unfolded(place: Any, root: JsonObject, sizes: dict[str, int]) -> int:
     """How many parts a schema has once every reference in it is written out.
 
     Twenty small definitions that each name the next one twice unfold to a million parts; validating against them
-    would take for ever. ``sizes`` remembers each reference, 0 while it is being counted.
+    would never end. ``sizes`` remembers each reference, 0 while it is being counted.
     """
     if isinstance(place, list):
         return 1 + sum(_unfolded(item, root, sizes) for item in place)
@@ -361,7 +361,7 @@ _DRIVES = frozenset({"move_unit", "move_units", "pose", "set_torque"})
 
 
 def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool that actuates a device with several units says which of them a call acts on."""
+    """A tool that actuates a device with several units states which of them a call acts on."""
     of_units = _devices_of_units(value, artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -375,7 +375,7 @@ def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def units_wrong(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What a tool says of its units fits its parameters, and its own words."""
+    """What a tool reports of its units fits its parameters, and its own words."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for problem in _problems(tool) if "units" in tool else ():

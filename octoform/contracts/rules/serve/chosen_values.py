@@ -1,6 +1,6 @@
 """Numbers of a generated server that a test of what was read only chooses: ``21.5 if raw > 20000 else 18.0``.
 
-Such a number follows the device, and still nobody measured it: it says on which side of a bound the reading was. That
+Such a number follows the device, and still no one measured it: it says on which side of a bound the reading was. That
 is a state, a boolean or a word. A count or a level of a few steps may be chosen so, a quantity with a unit may not.
 """
 

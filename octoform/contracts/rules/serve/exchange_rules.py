@@ -1,7 +1,7 @@
 """Rules for SERVE about one exchange with a device: whole under one lock, at a named speed, a picture of now.
 
 A request and its answer under two locks let another tool's answer in between; a line opened at no named speed answers
-with noise, or not; the first pictures of a camera show what its exposure was before. None of it fails in a quick trial.
+with noise, or not; the first pictures of a camera show what its exposure was before. None of it fails in a quick test.
 """
 
 import ast
@@ -19,7 +19,7 @@ from octoform.diagnostics import Diagnostic
 
 GRABS = frozenset({"read", "grab"})
 MANY = 1000
-"""Where it cannot be told how often a loop runs."""
+"""Where it cannot be determined how often a loop runs."""
 _DEPTH = 4
 
 
@@ -85,7 +85,7 @@ def _length(source: Source, node: ast.expr, use: ast.AST) -> int:
 
 
 def _number(source: Source, node: ast.expr, use: ast.AST) -> int | None:
-    """A whole number that is written here, or that the one assignment to a name of the file gives it."""
+    """An integer that is written here, or that the one assignment to a name of the file gives it."""
     if isinstance(node, ast.Constant):
         return node.value if isinstance(node.value, int) else None
     if not isinstance(node, ast.Name):
@@ -189,7 +189,7 @@ def frame_by_hand(value: str, _: Artifacts) -> list[Diagnostic]:
 
 
 def line_wait(value: str, _: Artifacts) -> list[Diagnostic]:
-    """No read of a serial line waits for ever, and no loop over one goes on while the device is silent."""
+    """No read of a serial line waits permanently, and no loop over one goes on while the device is silent."""
     source = needed_source(value)
     out = []
     for call, name in source.calls:
@@ -241,7 +241,7 @@ def _leaves(node: ast.If) -> bool:
 
 
 def _bounds(source: Source, test: ast.expr, counted: set[str]) -> bool:
-    """Whether a test comes true some time whatever a device says: by the clock, a count, or that nothing came."""
+    """Whether a test comes true some time whatever a device reports: by the clock, a count, or that nothing came."""
     if isinstance(test, ast.Name | ast.NamedExpr):
         return True
     for item in ast.walk(test):

@@ -1,8 +1,8 @@
 """What a value of a generated server depends on: the device that was found, what was read of it, the caller, chance.
 
 Followed through the syntax tree, by way of names, attributes, functions, classes and the tests that decide whether a
-statement runs. What cannot be told counts as read, so that a right server in unusual words is never taken for a wrong
-one: only of what certainly does not depend on a device that is said.
+statement runs. What cannot be determined counts as read, so that a right server in unusual words is never taken for a
+wrong one: only of what certainly does not depend on a device that is stated.
 """
 
 import ast
@@ -100,7 +100,7 @@ class Flow(Deciding):
         return self._inner(node) is not None
 
     def plain(self, node: ast.Name) -> list[ast.AST]:
-        """The expressions of which one is what a name stands for here; none where that cannot be told."""
+        """The expressions of which one is what a name stands for here; none where that cannot be determined."""
         if self.is_inner(node):
             return []
         reaching, open_ = self.bindings.reaching(node)
@@ -216,7 +216,7 @@ class Flow(Deciding):
         return Origin.COUNTED if around else Origin.NONE
 
     def _filled(self, call: ast.Call) -> Origin:
-        """What a call may bring into what it is given: what it was told, where it knows of a device."""
+        """What a call may bring into what it is given: what it was given, where it knows of a device."""
         name = self._source.dotted(call.func)
         functions = self._functions(call.func)
         for item in (*call.args, *(each.value for each in call.keywords)):
@@ -236,7 +236,7 @@ class Flow(Deciding):
         return self._any([*call.args, *(item.value for item in call.keywords)])
 
     def _parameter(self, function: Function, name: str) -> Origin:
-        """What callers give for a parameter; what nobody here calls may be given anything."""
+        """What callers give for a parameter; what no one here calls may be given anything."""
         found = Origin.NONE
         if name in SELF:
             return found

@@ -1,7 +1,7 @@
 """Which values of a generated server are those of an earlier call: read once, kept where they outlive it, given again.
 
 What outlives a call is state of the module, of a class, of a function's attributes or default arguments, of the
-function around a closure that was made once, of the process. A value that each call stores anew, as the last term of a
+function around a closure that was made once, of the process. A value that each call stores again, as the last term of a
 mean, is none that is kept.
 """
 
@@ -189,7 +189,7 @@ class Kept:
                 yield item.func, [*item.args, *(each.value for each in item.keywords)]
 
     def _is_late(self, place: ast.AST, cell: Cell) -> bool:
-        """Whether a store stands behind a look whether there is a value, is skipped in silence, or is a thread's."""
+        """Whether a store is behind a look whether there is a value, is skipped in silence, or is a thread's."""
         below: ast.AST = place
         for above in self._around(place):
             tested = isinstance(above, ast.If | ast.While | ast.IfExp) and below is not above.test
@@ -211,7 +211,7 @@ class Kept:
         return isinstance(value, ast.BoolOp) and self._mentions(value.values[0], cell)
 
     def _is_skipped(self, tried: ast.Try, below: ast.AST, cell: Cell) -> bool:
-        """Whether a store is left out where reading fails, or made where there was no value to give back."""
+        """Whether a store is omitted where reading fails, or made where there was no value to give back."""
         if isinstance(below, ast.ExceptHandler):
             return any(self._mentions(item, cell) for item in tried.body)
         leaves = (ast.Raise, ast.Return)
@@ -227,7 +227,7 @@ class Kept:
         return any(self._mentions(item, cell) for item in (*told, *ends)) and bool(ends)
 
     def _is_of_a_thread(self, function: Function, place: ast.AST) -> bool:
-        """Whether a function that goes on by itself makes the store, so that nobody knows when it was made."""
+        """Whether a function that goes on by itself makes the store, so that no one knows when it was made."""
         handed = [
             call
             for call, name in self._source.calls
@@ -271,7 +271,7 @@ def _stored(statement: ast.Assign | ast.AnnAssign) -> set[str]:
 
 
 def _before(above: ast.AST, below: ast.AST) -> list[ast.stmt]:
-    """The statements of a block that stand before one of it."""
+    """The statements of a block that are before one of it."""
     for _, block in ast.iter_fields(above):
         if isinstance(block, list) and below in block:
             return [item for item in block[: block.index(below)] if isinstance(item, ast.stmt)]

@@ -1,6 +1,6 @@
-"""The rule for SERVE about lines that nobody knows: a tool that reads sends a constant question down them, or nothing.
+"""The rule for SERVE about lines that no one knows: a tool that reads sends a constant question down them, or nothing.
 
-A raw line carries bytes and no meaning. With neither a profile nor the owner's answer nobody can tell a question from
+A raw line carries bytes and no meaning. With neither a profile nor the owner's answer no one can tell a question from
 a movement by its bytes, so what a caller gives never reaches the line, and no library that sets something does.
 """
 
@@ -31,7 +31,7 @@ _PORT_ITSELF = re.compile(
     r"set_?(?:baud_?rate|timeout|blocking|packet_?timeout\w*|default|low_latency\w*|exclusive)|setdefault|set",
     re.IGNORECASE,
 )
-"""What says how a port is read, and containers."""
+"""What states how a port is read, and containers."""
 _MOVED_MEMBERS = frozenset(
     {"angle", "position", "goal", "goal_position", "target", "value", "throttle", "speed", "velocity", "torque"}
     | {"torque_enable", "duty_cycle", "fraction", "dtr", "rts", "break_condition", "state", "output", "goal_velocity"}
@@ -60,7 +60,7 @@ _ELSEWHERE = frozenset({"os", "sys", "io", "builtins", "posix", "subprocess", "s
 
 
 def line_written(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool of effect ``read`` on a line without knowledge sends at most what stands in the file as a question."""
+    """A tool of effect ``read`` on a line without knowledge sends at most what is in the file as a question."""
     source, lines = needed_source(value), unknown_lines(artifacts)
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts) if lines else ():
@@ -183,7 +183,7 @@ def _is_own(source: Source, node: ast.Attribute) -> bool:
 
 
 def _question(source: Source, node: ast.expr, used: list[Function], seen: frozenset[ast.AST] = frozenset()) -> bool:
-    """Whether an expression gives nothing but texts that stand in the file, none of which orders something."""
+    """Whether an expression gives nothing but texts that are in the file, none of which orders something."""
     if isinstance(node, ast.Constant):
         return _is_question(node.value)
     if node in seen or len(seen) > 40:
@@ -197,7 +197,7 @@ def _question(source: Source, node: ast.expr, used: list[Function], seen: frozen
 
 
 def _parts(node: ast.expr) -> list[ast.expr]:
-    """What an expression is put together of, or chosen from; [] where that cannot be told."""
+    """What an expression is put together of, or chosen from; [] where that cannot be determined."""
     if isinstance(node, ast.IfExp):
         return [node.body, node.orelse]
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
@@ -216,7 +216,7 @@ def _parts(node: ast.expr) -> list[ast.expr]:
 
 
 def _is_question(value: object) -> bool:
-    """A printable text that orders nothing; what is binary is known by nobody."""
+    """A printable text that orders nothing; what is binary is known by no one."""
     text = value.decode("latin-1") if isinstance(value, bytes) else value
     if not isinstance(text, str):
         return False
@@ -258,7 +258,7 @@ def _bound_by(item: ast.AST, name: str) -> Iterator[ast.expr]:
 
 
 def _given(source: Source, function: Function, at: int, name: str, used: list[Function]) -> list[ast.expr]:
-    """What those of the functions that are used give for a parameter; [] where one of them cannot be told."""
+    """What those of the functions that are used give for a parameter; [] where one of them cannot be determined."""
     if function.decorator_list and not any("contextmanager" in source.dotted(item) for item in function.decorator_list):
         return []  # a tool: its callers are outside
     method = isinstance(source.parents.get(function), ast.ClassDef)

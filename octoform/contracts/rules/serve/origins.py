@@ -156,7 +156,7 @@ def is_called(source: Source, node: ast.AST) -> bool:
 
 
 def is_registered(source: Source, node: ast.AST) -> bool:
-    """Whether a function stands where a tool is registered or logged, and not as a value for another one."""
+    """Whether a function is where a tool is registered or logged, and not as a value for another one."""
     above = source.parents.get(node)
     if not isinstance(above, ast.Call) or node not in above.args:
         return False
@@ -188,7 +188,7 @@ class Deciding(ABC):
     def past(self, node: ast.AST) -> Origin:
         """What was read that decided that a statement is reached at all: a wait before it, or a way out.
 
-        A way out where nothing was read is none: whoever makes up a result may still look whether there is one.
+        A way out where nothing was read is none: anyone who makes up a result may still look whether there is one.
         """
         owner, found = self._source.owner(node), Origin.NONE
         below, above = node, self._source.parents.get(node)
@@ -389,7 +389,7 @@ def _bound(node: ast.AST) -> Iterator[tuple[str, Binding]]:
 
 
 def _unpacked(target: ast.expr, value: ast.expr) -> Iterator[tuple[ast.expr, ast.expr]]:
-    """The pairs of ``a, b = x, y``; what cannot be told apart stays together."""
+    """The pairs of ``a, b = x, y``; what cannot be distinguished stays together."""
     names = target.elts if isinstance(target, ast.Tuple | ast.List) else []
     values = value.elts if isinstance(value, ast.Tuple | ast.List) else []
     starred = any(isinstance(item, ast.Starred) for item in (*names, *values))

@@ -120,7 +120,7 @@ def _blocking_functions(source: Source) -> dict[str, str]:
 
 
 def _direct_calls(source: Source) -> Iterator[tuple[ast.Call, Function]]:
-    """Every call with the function that makes it; one in a lambda is made by whoever calls that, and left out."""
+    """Every call with the function that makes it; one in a lambda is made by anyone who calls that, and omitted."""
     for call, _ in source.calls:
         owner = source.owner(call)
         if owner is not None and not any(isinstance(above, ast.Lambda) for above, _ in source.above(call)):

@@ -1,7 +1,7 @@
 """Rules for SERVE about its tools: exactly those of INTERFACE, each logged, none a raw pipe, and nothing besides.
 
 The log is what shows later that a tool was really called and what came of it, so a tool without it is as good as
-not there. The gate stands before tools alone, so whatever else a server could offer would go around it.
+not there. The gate is before tools alone, so whatever else a server could offer would go around it.
 """
 
 import ast
@@ -34,7 +34,7 @@ class ToolSite:
 
 
 def no_server(value: str, _: Artifacts) -> list[Diagnostic]:
-    """``mcp = FastMCP(...)`` stands at module level, where `fastmcp run` finds it."""
+    """``mcp = FastMCP(...)`` is at module level, where `fastmcp run` finds it."""
     source = needed_source(value)
     if "mcp" in _servers(source):
         return []
@@ -72,7 +72,7 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def interface_blamed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """What the agent says only INTERFACE can fix is reported to INTERFACE; no server stands on it."""
+    """What the agent reports only INTERFACE can fix is reported to INTERFACE; no server stands on it."""
     wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
     out = []
     for name, problem in interface_errors(value):

@@ -1,6 +1,6 @@
-"""Rules for SERVE about the numbers of a result: each was read, none is written in the file and none stands in.
+"""Rules for SERVE about the numbers of a result: each was read, none is written in the file and none is in.
 
-A number that the file's author made up looks like a reading to whoever receives it, and is believed.
+A number that the file's author made up looks like a reading to anyone who receives it, and is believed.
 """
 
 import ast
@@ -355,7 +355,7 @@ class _Substitutes:
             place = above if isinstance(above, ast.For | ast.While) else None
 
     def _before(self, place: ast.AST) -> list[ast.stmt]:
-        """The statements of its block that stand before one."""
+        """The statements of its block that are before one."""
         above = self._source.parents.get(place)
         blocks = [block for _, block in ast.iter_fields(above) if isinstance(block, list)] if above is not None else []
         return next((block[: block.index(place)] for block in blocks if place in block), [])

@@ -157,7 +157,7 @@ def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) 
 
 
 def _switched_off(source: Source, call: ast.Call, used: list[Function]) -> bool:
-    """Whether a call stands under an ``if`` about an optional parameter that none of these functions gives."""
+    """Whether a call is under an ``if`` about an optional parameter that none of these functions gives."""
     owner = source.owner(call)
     tests = [above.test for above, below in source.above(call) if isinstance(above, ast.If) and below in above.body]
     asked = {item.id for test in tests for item in ast.walk(test) if isinstance(item, ast.Name)}
