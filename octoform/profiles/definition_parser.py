@@ -7,9 +7,9 @@ from typing import Any
 
 from octoform.frontmatter import Place
 from octoform.profiles import lines, register_parser
-from octoform.profiles.definition import Grammar, plain
 from octoform.profiles.definition_problems import Found, Problem, near
 from octoform.profiles.definition_values import Tool, Value
+from octoform.profiles.model import Grammar, plain
 
 PLACE: Place = ("grammar",)
 MOST_BYTES = 24 * 1024

@@ -5,8 +5,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.profiles.definition import Grammar, LineGrammar
+from octoform.profiles import lines, registers
+from octoform.profiles.lines import LineGrammar
 from octoform.profiles.match_rule import Rule
+from octoform.profiles.registers import RegisterGrammar
+
+Grammar = LineGrammar | RegisterGrammar
+"""How a product is spoken to: lines of text, or the registers of units on a bus."""
+
+
+def plain(grammar: Grammar, *, of_product: bool = False) -> dict[str, Any]:
+    """The grammar as JSON, as an agent's task has it; members without a value are left out.
+
+    ``of_product`` leaves out what is true of the owner's own copy alone.
+    """
+    if isinstance(grammar, RegisterGrammar):
+        return registers.plain(grammar, of_product=of_product)
+    return lines.plain(grammar)
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,7 @@ from types import MappingProxyType
 from typing import Any
 
 from octoform.profiles import limits, match_rule
-from octoform.profiles.definition import plain
-from octoform.profiles.model import Profile
+from octoform.profiles.model import Profile, plain
 
 LONGEST_LINE, DEEPEST = 100, 3
 NO_ANSWERS: Mapping[str, str] = MappingProxyType({})

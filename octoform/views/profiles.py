@@ -6,10 +6,12 @@ from typing import Any
 
 from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
-from octoform.profiles.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value, plain
+from octoform.profiles.definition_values import Value
 from octoform.profiles.limits import told
+from octoform.profiles.lines import Command, LineGrammar
 from octoform.profiles.match_rule import Judged
-from octoform.profiles.model import Profile
+from octoform.profiles.model import Grammar, Profile, plain
+from octoform.profiles.registers import RegisterGrammar
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape, one_line

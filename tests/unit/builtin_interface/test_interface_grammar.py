@@ -14,7 +14,10 @@ from octoform.builtin.task import TaskRefused
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
-from octoform.profiles.definition import Command, Grammar, LineGrammar, RegisterGrammar, Value
+from octoform.profiles.definition_values import Value
+from octoform.profiles.lines import Command, LineGrammar
+from octoform.profiles.model import Grammar
+from octoform.profiles.registers import RegisterGrammar
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "protocol" / "schemas"

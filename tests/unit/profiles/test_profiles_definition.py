@@ -7,7 +7,9 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, contributions, devices_of, for_task, load, load_text, match_rule
-from octoform.profiles.definition import Command, Line, LineGrammar, Value, plain
+from octoform.profiles.definition_values import Value
+from octoform.profiles.lines import Command, Line, LineGrammar
+from octoform.profiles.model import plain
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PAGES = Path(__file__).parents[3] / "octoform" / "diagnostics" / "pages"

@@ -8,8 +8,8 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, for_task, load, load_text
-from octoform.profiles.definition import RegisterGrammar, plain
-from octoform.profiles.registers import Action, Library, Motion, Register, Speed
+from octoform.profiles.model import plain
+from octoform.profiles.registers import Action, Library, Motion, Register, RegisterGrammar, Speed
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PUMP = """---
