@@ -54,9 +54,9 @@ async def main(port, folder):
         from octoform.server.policy import tool_policy as policy
         from octoform.server.audit.audit_log import Audit
         from octoform.server.gate.gate import Gate
-        from octoform.server.estop.latch import Latch
+        from octoform.server.latch import Latch
         from octoform.server.policy.limits import Ledger
-        from octoform.server.catalog.setup import offer
+        from octoform.server.catalog import offer
         place = Path(folder)
         tools = {"read_voltage": TOOL, "read_level": TOOL}
         rules = policy.parse({"format": 1, "mode": "enforce", "tools": tools})

@@ -9,9 +9,9 @@ import os
 import shlex
 import shutil
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import octoform
@@ -33,7 +33,6 @@ from octoform.endpoint.published_files import (
     CONNECTION,
     LAUNCHER,
     MANIFEST,
-    PACKAGES,
     POLICY,
     PROGRAM,
     SERVE_SCRIPT,
@@ -130,16 +129,17 @@ def write_endpoint(
     }
     if problem := write_atomic(folder / MANIFEST, _json(manifest), 0o600):
         return [problem]
-    _remove_former(folder / PROGRAM)
+    _remove_former(folder / PROGRAM, files)
     kept = keep(layout, ENDPOINT, {**{name: data for name, (data, _) in files.items()}, MANIFEST: _json(manifest)})
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
     return [] if kept is None else [replace(kept, severity=Severity.WARNING)]
 
 
-def _remove_former(program: Path) -> None:
-    """Packages of an earlier octoform that are no part of this one: nobody imports them, and nobody checks them."""
-    for place in program.iterdir():
-        if place.name not in {package.name for package in PACKAGES} and place.is_dir() and not place.is_symlink():
+def _remove_former(program: Path, names: Iterable[str]) -> None:
+    """Folders of an earlier octoform in which none of these files lies: nobody imports them, and nobody checks them."""
+    held = {program.parent / above for name in names for above in PurePosixPath(name).parents}
+    for place in list(program.rglob("*")):
+        if place not in held and place.name != "__pycache__" and place.is_dir() and not place.is_symlink():
             shutil.rmtree(place, ignore_errors=True)
 
 

@@ -82,7 +82,7 @@ def _note(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _emergency(folder: Path, *, stopping: bool) -> Any:
     """All that there is: what cannot be had is told, and hinders nothing else."""
-    latch, policy = _module("estop.latch"), _module("policy.tool_policy")
+    latch, policy = _module("latch"), _module("policy.tool_policy")
     problems: list[str] = []
     try:
         log = _log(folder)
@@ -95,7 +95,7 @@ def _emergency(folder: Path, *, stopping: bool) -> Any:
         problems.extend(wrong)
     place = latch.Latch(_beside(folder, "run") / "estop.json")
     unwritten = "the latch could not be written, so nothing is engaged"
-    return _module("estop.actions").Emergency(place, log, actions, tuple(problems), unwritten)
+    return _module("emergency_stop").Emergency(place, log, actions, tuple(problems), unwritten)
 
 
 def _runtime(folder: Path) -> None:

@@ -11,13 +11,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from octoform.base.clock import boot_id
+from octoform.server.catalog import offer
+from octoform.server.emergency_stop import ENDING, Emergency, Running
+from octoform.server.latch import Latch
+from octoform.server.resources import DEVICES, FRAMES
 
 from .audit.audit_log import Audit, AuditFailed
 from .audit.chain import SEAL
-from .catalog.resources import DEVICES, FRAMES
-from .catalog.setup import offer
-from .estop.actions import ENDING, Emergency, Running
-from .estop.latch import Latch
 from .execution.watchdog import WATCHDOG
 from .gate.gate import Gate
 from .policy import tool_policy

@@ -19,10 +19,10 @@ def run() -> int:
     os.environ.update(json.loads((HERE / "connection.json").read_bytes())["environment"])
     from fastmcp.server.middleware import Middleware
 
-    from octoform.server.catalog import setup
+    from octoform.server import catalog
     from octoform.server.main import main
 
-    setup.only_tools = lambda server: Middleware()
+    catalog.only_tools = lambda server: Middleware()
     status: int = main(HERE)
     return status
 

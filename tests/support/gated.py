@@ -12,9 +12,9 @@ from typing import Any
 from fastmcp import Client, FastMCP
 
 from octoform.server.audit.audit_log import Audit
-from octoform.server.estop.latch import Latch
 from octoform.server.execution.work import Patience
 from octoform.server.gate.gate import Gate
+from octoform.server.latch import Latch
 from octoform.server.policy import tool_policy as policies
 from octoform.server.policy.limits import Ledger
 

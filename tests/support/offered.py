@@ -24,7 +24,7 @@ from mcp_types import (
     ToolListChangedNotification,
 )
 
-from octoform.server.catalog.setup import Offer, offer
+from octoform.server.catalog import Offer, offer
 from octoform.server.policy.tool_policy import Mode, Policy, ToolPolicy
 
 ERAS = ("legacy", "auto")

@@ -25,11 +25,11 @@ from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
 from octoform.server.audit.audit_log import Audit
-from octoform.server.estop.latch import Latch
 from octoform.server.execution.bus_queue import Busy, Holder, abandon, release, take, take_free
 from octoform.server.execution.result_size import of_result
 from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
+from octoform.server.latch import Latch
 from octoform.server.policy.limits import Ledger
 from octoform.server.policy.restrictions import Restrictions
 from octoform.server.policy.tool_policy import Policy

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from fastmcp.tools.base import ToolResult
 from pydantic import ValidationError
 
-from octoform.server.estop.latch import Estop
 from octoform.server.execution.work import Stopped
+from octoform.server.latch import Estop
 
 from .calls import Call, CallRefused
 

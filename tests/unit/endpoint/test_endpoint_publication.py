@@ -154,3 +154,15 @@ def test_a_new_endpoint_keeps_the_environment_before_it(layout: Layout, serving:
         (path / "octoform-complete.json").write_text("{}")
         publish(layout, Environment(path / "bin/python", serving.digest, path, serving.lock))
     assert sorted(path.name for path in layout.environments.glob("[0-9]*")) == ["222222222222", "333333333333"]
+
+
+def test_what_an_earlier_octoform_published_beside_it_goes(layout: Layout, serving: Environment) -> None:
+    program = layout.endpoint / "octoform"
+    former = [program / "launcher" / "deep" / "main.py", program / "server" / "catalog" / "setup.py"]
+    for path in former:
+        path.parent.mkdir(parents=True)
+        path.write_text("FORMER = True\n")
+    publish(layout, serving)
+    assert [path for path in former if path.exists()] == []
+    assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "server"}
+    assert (program / "server" / "gate" / "gate.py").is_file()

@@ -18,7 +18,7 @@ from mcp_types import (
 )
 from offered import DEVICES, ERAS, heard_all, hearing, offered, picture
 
-from octoform.server.catalog import notifications, setup
+from octoform.server import catalog, notifications
 from octoform.server.process.principal import Principal
 
 FRAME = "octoform://frames/capture_image"
@@ -107,7 +107,7 @@ async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
     era: str, tool: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     guest = Principal("guest", frozenset({"read"}), "http")
-    for module in (notifications, setup):
+    for module in (notifications, catalog):
         monkeypatch.setattr(module, "current", lambda: guest)
     server, offer = offered()
     offer.frames.keep(tool, picture())

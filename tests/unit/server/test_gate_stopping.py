@@ -15,11 +15,11 @@ from launched import launched, tool
 from raw_mcp import RawClient, call
 from unit.server.server_lines import Line
 
+from octoform.server import emergency_stop as stopping
 from octoform.server.audit.audit_log import Audit
-from octoform.server.estop import actions as stopping
-from octoform.server.estop.actions import Emergency
-from octoform.server.estop.latch import Latch
+from octoform.server.emergency_stop import Emergency
 from octoform.server.execution.watchdog import Interrupted, Job, Workers
+from octoform.server.latch import Latch
 from octoform.server.policy.tool_policy import StopAction
 
 STOP = b"STOP"

@@ -6,7 +6,7 @@ import pytest
 from fastmcp import Client
 from offered import ERAS, TOOLS, offered, policy_of
 
-from octoform.server.catalog import setup
+from octoform.server import catalog
 from octoform.server.process.principal import Principal
 
 NAMES = sorted(tool["name"] for tool in TOOLS)
@@ -78,7 +78,7 @@ async def test_a_denied_tool_is_not_shown_but_in_shadow_mode_it_is() -> None:
 @pytest.mark.parametrize("era", ERAS)
 @pytest.mark.anyio
 async def test_a_token_sees_the_tools_of_its_effect_classes_alone(era: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(setup, "current", reader)
+    monkeypatch.setattr(catalog, "current", reader)
     server, _ = offered()
 
     assert [tool.name for tool in await listed(server, era)] == ["capture_image", "read_temperature"]

@@ -12,7 +12,7 @@ from mcp_types import PromptReference
 from offered import DEVICES, ERAS, TOOLS, policy_of, server_of_tools
 
 from octoform.endpoint.process import estop
-from octoform.server.catalog.setup import offer
+from octoform.server.catalog import offer
 
 SOURCE = '''
 from fastmcp import FastMCP

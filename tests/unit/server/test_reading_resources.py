@@ -9,7 +9,7 @@ from fastmcp import Client
 from mcp.shared.exceptions import MCPError
 from offered import ERAS, PICTURE, offered, picture, policy_of
 
-from octoform.server.catalog import resources, setup
+from octoform.server import catalog, resources
 from octoform.server.process.principal import Principal
 
 
@@ -84,7 +84,7 @@ async def test_what_is_not_there_is_refused_with_a_sentence(era: str, uri: str) 
 async def test_a_token_that_may_not_read_sees_nothing(era: str, monkeypatch: pytest.MonkeyPatch) -> None:
     actor = Principal("actor", frozenset({"actuate"}), "http")
     monkeypatch.setattr(resources, "current", lambda: actor)
-    monkeypatch.setattr(setup, "current", lambda: actor)
+    monkeypatch.setattr(catalog, "current", lambda: actor)
     server, offer = offered()
     offer.frames.keep("capture_image", picture())
 

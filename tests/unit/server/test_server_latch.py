@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.server.estop import latch as module
-from octoform.server.estop.latch import Estop, Latch
+from octoform.server import latch as module
+from octoform.server.latch import Estop, Latch
 
 ROOT = str(Path(module.__file__).parents[3])
 
@@ -70,7 +70,7 @@ def test_without_a_file_it_holds_in_this_process(tmp_path: Path) -> None:
 def test_a_latch_of_another_process_is_seen_at_once(latch: Latch) -> None:
     program = (
         "import sys; from pathlib import Path; sys.path.insert(0, sys.argv[1])\n"
-        "from octoform.server.estop.latch import Latch\n"
+        "from octoform.server.latch import Latch\n"
         "latch = Latch(Path(sys.argv[2]))\n"
         "for line in sys.stdin:\n"
         "    print(latch.engage('other', line) if line.strip() else latch.clear('other'), flush=True)"

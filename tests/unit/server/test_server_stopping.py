@@ -14,12 +14,12 @@ from typing import Any
 import pytest
 from unit.server.server_lines import STOP, Line, host
 
+from octoform.server import emergency_stop as stopping
 from octoform.server.audit.audit_log import Audit, verify
-from octoform.server.estop import actions as stopping
-from octoform.server.estop.latch import Latch
+from octoform.server.latch import Latch
 from octoform.server.policy.tool_policy import Policy, StopAction
 
-LAUNCHER = Path(stopping.__file__).parents[1]
+LAUNCHER = Path(stopping.__file__).parent
 DATA = bytes.fromhex(STOP)
 
 
@@ -116,7 +116,7 @@ def test_a_rate_that_cannot_be_set_is_told(lines: list[Line]) -> None:
 EXCLUSIVE = """
 import fcntl, json, os, sys, termios
 sys.path.insert(0, sys.argv[2])
-from octoform.server.estop import actions as stopping
+from octoform.server import emergency_stop as stopping
 from octoform.server.policy.tool_policy import Policy, StopAction
 if os.geteuid() == 0:
     os.setgroups([]), os.setgid(65534), os.setuid(65534)  # who may do anything is kept out of nothing
@@ -283,8 +283,8 @@ import json, sys
 sys.path.insert(0, sys.argv[2])
 from pathlib import Path
 from octoform.server.audit.audit_log import Audit
-from octoform.server.estop.latch import Latch
-from octoform.server.estop.actions import Emergency
+from octoform.server.latch import Latch
+from octoform.server.emergency_stop import Emergency
 folder = Path(sys.argv[1])
 mine = Emergency(Latch(folder / "run/estop.json"), Audit.open(folder / "log"), ())
 for number in range(15):

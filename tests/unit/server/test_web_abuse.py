@@ -14,7 +14,7 @@ import pytest
 from starlette.applications import Starlette
 from web_doors import ALL, INITIALIZE, Door, bearer, door, server, until, write_tokens
 
-from octoform.server.catalog.notifications import Changes
+from octoform.server.notifications import Changes
 from octoform.server.transport.authentication import LEAST_OPEN, MOST_OPEN, Open, Tokens
 from octoform.server.transport.http import MOST_CONNECTIONS, Connection
 

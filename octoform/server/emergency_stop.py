@@ -23,9 +23,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 from octoform.server.audit.audit_log import Audit
+from octoform.server.latch import Estop, Latch
 from octoform.server.policy.tool_policy import Policy, StopAction
-
-from .latch import Estop, Latch
 
 SECONDS = 2.0
 """What one stop action may take."""

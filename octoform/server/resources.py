@@ -25,10 +25,9 @@ from mcp_types import (
 from pydantic import AnyUrl
 
 from octoform.base.clock import stamp
+from octoform.server.notifications import Changes
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
-
-from .notifications import Changes
 
 DEVICES = "octoform://devices"
 FRAMES = "octoform://frames/"

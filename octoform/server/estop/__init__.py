@@ -1,1 +1,0 @@
-"""The emergency stop: its latch and its actions."""
