@@ -1,4 +1,4 @@
-"""What mends one error, by the playbook alone: the action of its class; code is not rewritten."""
+"""What fixes one error, by the playbook alone: the action of its class; code is not rewritten."""
 
 from collections.abc import Mapping
 from typing import Any

@@ -1,6 +1,6 @@
-"""The stage: every device of PROBE is annotated or left out with a reason; the class modules judge, in one order.
+"""The stage: every device of PROBE is identified or omitted with a reason; the class modules judge, in one order.
 
-The order is the meaning: the first module that claims a unit says what it is. Functions that define a product (a
+The order is the meaning: the first module that claims a unit states what it is. Functions that define a product (a
 camera, a printer, a network adapter) stand before functions that many products have besides (LEDs, a temperature).
 """
 
@@ -84,7 +84,7 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
 
 
 def without_refused(artifact: dict[str, Any], refused: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
-    """The artifact again, without what was refused of it: such a device is unknown, and one that was is left out.
+    """The artifact again, without what was refused of it: such a device is unknown, and one that was is omitted.
 
     Whatever rule of the contract this agent does not know costs one device, and never the host.
     """
@@ -115,7 +115,7 @@ def unknown(annotation: dict[str, Any], missing: str) -> dict[str, Any]:
 
 
 def is_borne_out(named: Identity, cited: Iterable[Evidence]) -> bool:
-    """True when each telling word of a name stands in a quote, or as a plain word in what follows from one."""
+    """True when each telling word of a name is in a quote, or as a plain word in what follows from one."""
     evidence = (*named.evidence, *cited)
     quoted = {word for each in evidence for word in product_names.words(each.quote)}
     quoted |= {word for each in evidence for word in re.findall(r"[^\W_]+", each.quote.casefold())}
@@ -133,7 +133,7 @@ def _is_class(word: str) -> bool:
 
 
 def names_wires(name: str, raw: str) -> bool:
-    """True for a name that says how a product is wired, or which chip wires it, and nothing of the product."""
+    """True for a name that states how a product is wired, or which chip wires it, and nothing of the product."""
     words = _words(_APPOSITION.split(name.strip(), maxsplit=1)[0] or name)
     if _WIRES.isdisjoint(words):
         return False
@@ -230,7 +230,7 @@ def identify(
 
 
 def judge(device: Device) -> dict[str, Any] | Leave:
-    """The annotation of one device, or why it is left out."""
+    """The annotation of one device, or why it is omitted."""
     refused = other_sources.leave_first(device)
     if refused:
         return refused

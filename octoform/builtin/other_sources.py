@@ -1,6 +1,6 @@
 """What is left when no class module claims a unit: a reason for each, or an open question for a USB device.
 
-A USB device was plugged in by someone and does something; when nothing tells what, a person is asked. Everything else
+A USB device was plugged in by someone and does something; when nothing shows what, a person is asked. Everything else
 that no module claims is part of the machine.
 """
 
@@ -34,7 +34,7 @@ _MISSING = "What is this USB device?"
 
 
 def leave_first(device: Device) -> Leave | None:
-    """Units that are never annotated, whatever class devices they have."""
+    """Units that are never identified, whatever class devices they have."""
     if device.context:
         return network.leave_context(device)
     if device.bus == "usb" and _ROOT_HUB.search(device.path):
@@ -45,7 +45,7 @@ def leave_first(device: Device) -> Leave | None:
 
 
 def leave(device: Device) -> Leave:
-    """Why a unit that no module claims is left out."""
+    """Why a unit that no module claims is omitted."""
     if device.bus == "virtual":
         return Leave("virtual", "made by the kernel; no hardware behind it")
     if device.pci_class.startswith(_PCI_BUSES) or device.bus in _BUSES:
@@ -61,7 +61,7 @@ def leave(device: Device) -> Leave:
 
 
 def claim_named(device: Device) -> Claim | None:
-    """A USB device whose own strings name a product, though nothing tells what kind of thing it is.
+    """A USB device whose own strings name a product, though nothing shows what kind of thing it is.
 
     What it is called is known, and that it speaks a language of its own; what it does, a profile tells. A loader's or
     a reference design's string names no product, nor does that of a chip.
@@ -88,7 +88,7 @@ def claim_named(device: Device) -> Claim | None:
 
 
 def unknown(device: Device) -> Claim:
-    """A USB device of which nothing tells what it does."""
+    """A USB device of which nothing shows what it does."""
     evidence = [device.cite_self("no interface class, driver or word shows what it does")]
     found = device.product or device.fact("manufacturer", "product_id")
     if found:
@@ -237,7 +237,7 @@ def _via(profile: Mapping[str, Any]) -> str:
 
 
 def _evidence(device: Device, profile: Mapping[str, Any], known: Mapping[str, Any]) -> list[dict[str, str]]:
-    """What PROBE says of the device, first its own words; the rule itself was evaluated by octoform."""
+    """What PROBE reports of the device, first its own words; the rule itself was evaluated by octoform."""
     says = f"the match rule of the profile {profile['name']} matches this device"
     facts = [fact for fact in (device.product, device.fact("manufacturer"), device.fact("product_id")) if fact]
     cited = [Evidence(fact.line, says) for fact in facts] or [device.cite_self(says)]

@@ -1,7 +1,7 @@
-"""The command grammars that profiles bring with them, as the stages of the embedded agent read them from their task.
+"""The protocol definition that profiles bring with them, as the stages of the embedded agent read them from their task.
 
-A grammar is a closed list of typed lines, so it is enough to make tools from: this is all that the embedded agent ever
-knows of a product, and it knows it only from the owner's own text.
+A protocol definition is a closed list of typed lines, so it is enough to make tools from: this is all that the embedded
+agent ever knows of a product, and it knows it only from the owner's own text.
 """
 
 from collections.abc import Iterable, Mapping
@@ -19,7 +19,7 @@ def holding(profiles: Profiles, device: str) -> Mapping[str, Any] | None:
 
 
 def commands(profiles: Profiles) -> dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]]:
-    """Tool name to (profile, command); the contracts of octoform keep a tool in one grammar alone."""
+    """Tool name to (profile, command); the contracts of octoform keep a tool in one protocol definition alone."""
     return {
         str(command["tool"]): (profile, command)
         for profile in profiles

@@ -38,7 +38,7 @@ def of_line(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> Schema:
 
 
 def is_unanswered(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> bool:
-    """Whether the product says nothing to a command that it carries out."""
+    """Whether the product answers nothing to a command that it carries out."""
     return "do" not in command and "reply" not in command and "ok" not in grammar["line"]
 
 
@@ -236,7 +236,7 @@ def _unit(value: Mapping[str, Any], described: str) -> str:
 
 
 def _any_of(value: Mapping[str, Any], off: Mapping[str, str] | tuple[()]) -> Any:
-    """A value that the parameter takes, for a trial call of a read; no unit that is ``off`` where there is another."""
+    """A value that the parameter takes, for a test call of a read; no unit that is ``off`` where there is another."""
     if value["type"] == "boolean":
         return False
     if "enum" in value:

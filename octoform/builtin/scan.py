@@ -98,7 +98,7 @@ def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:
 
 
 class _Host:
-    """What the system says of a device, as words; attributes are read once a word is not found without them."""
+    """What the system reports of a device, as words; attributes are read once a word is not found without them."""
 
     def __init__(self, reader: Reader, databases: IdDatabases) -> None:
         self._reader, self._databases = reader, databases
@@ -137,7 +137,7 @@ class _Host:
                     yield _kind_lines(self._reader.text(path))
 
     def _record(self, folder: str) -> Iterable[str]:
-        """What udev's record of a folder's device says of its kind."""
+        """What udev's record of a folder's device reports of its kind."""
         subsystem = self._reader.link(f"{folder}/subsystem").rpartition("/")[2]
         if not subsystem or not self._udev.names:
             return ()
@@ -156,7 +156,7 @@ class _Host:
 
 
 def _kind_lines(text: str) -> str:
-    """A text without the lines of an event that show a reading or one copy (``POWER_SUPPLY_VOLTAGE_NOW=11000``)."""
+    """A string without the lines of an event that show a reading or one copy (``POWER_SUPPLY_VOLTAGE_NOW=11000``)."""
     keyed = ((line, line.partition("=")[0].casefold()) for line in text.splitlines())
     return " ".join(line for line, key in keyed if not _READING.match(key) and not _OWN_KEY.fullmatch(key))
 
@@ -187,17 +187,17 @@ def _unsaid(given: Mapping[str, Any], own: Mapping[str, Any], host: _Host) -> It
 
 
 def _asked(member: str, text: str) -> list[str]:
-    """The words of a text that the system has to say; in lines, versions as well."""
+    """The words of a string that the system has to say; in lines, versions as well."""
     return [*_words(text), *(_VERSION.findall(text.casefold()) if member == _LINES else ())]
 
 
 def _codes(text: str) -> list[tuple[str, ...]]:
-    """The codes of USB for kinds of functions in a text (``0e/01/00``), each part with two digits."""
+    """The codes of USB for kinds of functions in a string (``0e/01/00``), each part with two digits."""
     return [tuple(part.zfill(2) for part in found) for found in _CODE.findall(text.casefold())]
 
 
 def _masked(text: str, instance: Mapping[str, Any]) -> str:
-    """A text without the serial number and the address that stand in it whole: these are hidden, not refused."""
+    """A string without the serial number and the address that are in it whole: these are hidden, not refused."""
     for member in ("serial", "address"):
         if len(str(instance.get(member, ""))) > 3:
             text = re.sub(re.escape(str(instance[member])), " ", text, flags=re.IGNORECASE)
@@ -216,7 +216,7 @@ def _readings(text: str) -> list[str]:
 
 
 def _untrue(given: Mapping[str, Any], reader: Reader) -> Iterator[dict[str, object]]:
-    """The scans that are said to have worked with a program that this host does not have."""
+    """The scans that are stated to have worked with a program that this host does not have."""
     recorded = reader.names_or_none(RECORDED) if reader.root else None
     for index, scan in enumerate(given.get("scan_methods", ())):
         spoken = " ".join(word for word in scan["name"].casefold().split() if "/" not in word)  # a path is no program
@@ -233,7 +233,7 @@ def _is_here(program: str, recorded: Iterable[str] | None) -> bool:
 
 
 def _texts(device: Mapping[str, Any]) -> Iterator[tuple[str, int, str]]:
-    """(member, line from 1, text) of everything that a device entry says in words."""
+    """(member, line from 1, text) of everything that a device entry states in words."""
     for member in _TEXTS:
         yield member, 1, str(device.get(member, ""))
     for number, line in enumerate(str(device.get(_LINES, "")).splitlines(), 1):
@@ -241,13 +241,13 @@ def _texts(device: Mapping[str, Any]) -> Iterator[tuple[str, int, str]]:
 
 
 def _words(text: str) -> list[str]:
-    """The words of a text that can say something of a kind: no single letter, no short number, nothing structural."""
+    """The words of a string that can say something of a kind: no single letter, no short number, nothing structural."""
     found = _WORD.findall(text.casefold())
     return [word for word in found if (len(word) > 2 and word not in _STRUCTURE) or (len(word) == 2 and word.isalpha())]
 
 
 def _without(words: Iterable[str], text: str) -> set[str]:
-    """The words that stand neither in a text nor, for a number, in another spelling of it."""
+    """The words that stand neither in a string nor, for a number, in another spelling of it."""
     said = {*_WORD.findall(text.casefold()), *_VERSION.findall(text.casefold())} | _STRUCTURE
     numbers = {number for word in said for number in _numbers(word)}
     said |= {word.removesuffix("s") for word in said} | {f"{word}s" for word in _STRUCTURE}
@@ -267,7 +267,7 @@ def _numbers(word: str) -> set[int]:
 
 
 def _of_values(value: Any) -> str:
-    """All text of a device entry, its members' names left out."""
+    """All text of a device entry, its members' names omitted."""
     if isinstance(value, Mapping):
         return " ".join(_of_values(item) for item in value.values())
     if isinstance(value, list):

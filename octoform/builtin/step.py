@@ -32,7 +32,7 @@ PART = 2
 
 
 def line_trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One trial for each tool with a single distance that goes both ways, in the order of the grammar."""
+    """One test for each tool with a single distance that goes both ways, in the order of the protocol definition."""
     camera = best(given["cameras"])
     view = {"tool": camera["tool"], "arguments": dict(camera["arguments"])}
     offered = {tool["name"]: tool for tool in given["tools"]}
@@ -50,7 +50,7 @@ def line_trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[di
 
 
 def _way(command: Mapping[str, Any]) -> tuple[str, int] | None:
-    """The parameter that says how far and a bounded distance; None for a command that is no such movement."""
+    """The parameter that states how far and a bounded distance; None for a command that is no such movement."""
     values = parameters({}, command)
     if command["effect"] != "actuate" or len(values) != 1:
         return None
@@ -63,7 +63,7 @@ def _way(command: Mapping[str, Any]) -> tuple[str, int] | None:
 
 
 def _unit(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> str:
-    """The axis that the command moves, as the grammar calls it; else its tool."""
+    """The axis that the command moves, as the protocol definition calls it; else its tool."""
     axes = grammar.get("position", {}).get("axes", {})
     return next((str(name) for name, axis in axes.items() if axis["tool"] == command["tool"]), str(command["tool"]))
 
@@ -184,7 +184,10 @@ def _device(given: Mapping[str, Any], tool: Mapping[str, Any]) -> dict[str, str]
 
 
 def run(task: Task) -> str:
-    """Write the step's output; the summary line (``5 trials, 1 unit skipped``). TaskRefused says why there is none."""
+    """Write the step's output; the summary line (``5 trials, 1 unit skipped``).
+
+    TaskRefused states why there is none.
+    """
     given = task.read_input()
     try:
         value = answer(given, task)

@@ -58,7 +58,10 @@ class Task:
         return read_object(self.input)
 
     def write(self, value: Mapping[str, Any] | str) -> None:
-        """Write the output atomically: text as it is, an object as indented JSON. TaskRefused when the disk says no."""
+        """Write the output atomically: text as it is, an object as indented JSON.
+
+        TaskRefused when the disk refuses it.
+        """
         text = value if isinstance(value, str) else json.dumps(value, indent=1, ensure_ascii=False) + "\n"
         try:
             replace(self.output, text.encode("utf-8"), 0o644)

@@ -1,4 +1,4 @@
-"""What the catalog says about a tool before any host is known."""
+"""What the catalog reports about a tool before any host is known."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -67,9 +67,9 @@ def no_parameters(_: Facts) -> dict[str, Schema]:
 class Kind:
     """One capability's tool.
 
-    ``worth`` says what is kept when the tool budget is short: 90 what only hardware can do (see, hear, move), 60 a
+    ``worth`` states what is kept when the tool budget is short: 90 what only hardware can do (see, hear, move), 60 a
     measurement, 30 a description of something that another tool already shows. ``parameters`` makes the properties
-    beside ``device``. ``smoke`` are the arguments of a trial call that is quick and changes nothing; only for reads.
+    beside ``device``. ``smoke`` are the arguments of a test call that is quick and changes nothing; only for reads.
     ``units`` names the unit of each bounded parameter, for the tool's limits. ``stops``: it ends a movement that is
     under way, so it does not wait for it. ``acts_on`` is the tool's ``units``: of a device with several, which ones.
     """

@@ -1,4 +1,4 @@
-"""Profiles: the owner's knowledge of products as prose, used only where its evidence rule holds. (Heavy: YAML.)"""
+"""Profiles: the owner's knowledge of products as prose, used only where its match rule holds. (Heavy: YAML.)"""
 
 from octoform.profiles.model import Profile
 from octoform.profiles.profile_parser import load, load_text

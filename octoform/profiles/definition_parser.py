@@ -1,4 +1,7 @@
-"""Read the ``grammar`` of a profile, of either kind: every problem of it with its place, or the grammar. Pure."""
+"""Read the ``grammar`` of a profile, of either kind: every problem of it with its place, or the protocol definition.
+
+Pure.
+"""
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
@@ -13,11 +16,11 @@ from octoform.profiles.model import Grammar, plain
 
 PLACE: Place = ("grammar",)
 MOST_BYTES = 24 * 1024
-"""An agent is told every parameter of every command, and its prompt is bounded."""
+"""An agent is notified every parameter of every command, and its prompt is bounded."""
 
 
 def read(given: object) -> tuple[Grammar | None, list[Problem]]:
-    """The grammar that a front-matter value says, and every problem of it as (place, summary, hint)."""
+    """The protocol definition that a front-matter value states, and every problem of it as (place, summary, hint)."""
     found = Found()
     if not isinstance(given, Mapping):
         found.add(

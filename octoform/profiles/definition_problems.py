@@ -1,4 +1,4 @@
-"""The problems of a grammar while it is read, and the forms that both kinds of it have in common. Pure."""
+"""The problems of a protocol definition while it is read, and the forms that both kinds of it have in common. Pure."""
 
 import keyword
 import math
@@ -76,7 +76,7 @@ class Found:
     def whole(
         self, given: Mapping[str, Any], name: str, place: Place, span: tuple[int, int], default: int | None = None
     ) -> int:
-        """A whole number within ``span``, both ends included; with ``default`` None it must be there."""
+        """An integer within ``span``, both ends included; with ``default`` None it must be there."""
         value = given.get(name, default)
         if isinstance(value, int) and not isinstance(value, bool) and span[0] <= value <= span[1]:
             return value
@@ -84,7 +84,7 @@ class Found:
         return span[0]
 
     def number(self, given: Mapping[str, Any], name: str, place: Place) -> float:
-        """A number that is there; whole numbers stay whole."""
+        """A number that is there; integers stay whole."""
         value = given.get(name)
         if isinstance(value, int | float) and is_number(value):
             return value
@@ -112,7 +112,7 @@ class Found:
         return ""
 
     def named(self, name: object, known: Collection[str], place: Place, what: str) -> str:
-        """A name that stands among ``known``."""
+        """A name that is among ``known``."""
         if isinstance(name, str) and name in known:
             return name
         self.add(place, f"{name!r} is no {what}", near(str(name), known, "known: ") if known else None)
@@ -139,7 +139,7 @@ class Found:
             seen.add(name)
 
     def items(self, given: object, place: Place, most: int, hint: str) -> list[Any]:
-        """The commands of a grammar, as they are."""
+        """The commands of a protocol definition, as they are."""
         if isinstance(given, list) and 1 <= len(given) <= most:
             return given
         self.add(place, f"the protocol definition has no list of 1 to {most} commands", hint)

@@ -1,4 +1,4 @@
-"""The values and the tools that every kind of grammar speaks of. Pure."""
+"""The values and the tools that every kind of protocol definition speaks of. Pure."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from typing import Any
 class Value:
     """A parameter of a command or a field of its answer: integer, number, boolean, or (with ``choices``) a word.
 
-    A parameter with a ``default`` may be left out of a call. ``words`` are what a line says for false and for true.
+    A parameter with a ``default`` may be omitted from a call. ``words`` are what a line reports for false and for true.
     """
 
     name: str
@@ -42,7 +42,7 @@ class Tool:
 
 
 def plain_value(value: Value) -> dict[str, Any]:
-    """A value as JSON; members without a value are left out."""
+    """A value as JSON; members without a value are omitted."""
     bounds = {"minimum": value.minimum, "maximum": value.maximum, "enum": list(value.choices) or None}
     told = {"about": value.about or None, "unit": value.unit or None, "words": list(value.words) or None}
     return present({"type": value.type, **told, **bounds, "default": value.default})

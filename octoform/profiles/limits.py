@@ -1,6 +1,6 @@
-"""The limits of a profile: what one must say, and how it is told to an agent. Pure.
+"""The limits of a profile: what one must say, and how it is reported to an agent. Pure.
 
-A range stands in the tools that INTERFACE makes, so that a client sees it. All other limits concern calls that came
+A range is in the tools that INTERFACE makes, so that a client sees it. All other limits concern calls that came
 before; the endpoint keeps them, outside the generated server.
 """
 

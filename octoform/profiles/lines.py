@@ -1,7 +1,7 @@
-"""The grammar of a line protocol, as data: which lines a product understands and what it answers. Pure.
+"""The protocol definition of a line protocol, as data: which lines a product understands and what it answers. Pure.
 
-A grammar is a closed list of typed commands, so an agent can make one tool for each of them and nothing else: no
-line reaches the device that does not stand here, with parameters that keep to what stands here.
+A protocol definition is a closed list of typed commands, so an agent can make one tool for each of them and nothing
+else: no line reaches the device that is not here, with parameters that keep to what is here.
 """
 
 import re
@@ -38,7 +38,7 @@ class Command:
     """One command and the tool that it becomes; ``send`` and ``reply`` are patterns with ``{name}`` for each value.
 
     ``send`` empty: nothing is sent, the product speaks by itself. ``reply`` has a pattern for each line of the answer;
-    empty: the answer is the grammar's ``ok``, and there are no ``fields``.
+    empty: the answer is the protocol definition's ``ok``, and there are no ``fields``.
     """
 
     tool: str
@@ -61,7 +61,7 @@ class Axis:
 
 @dataclass(frozen=True, slots=True)
 class Position:
-    """A tool that tells where a product without a measurement must be, by what it acknowledged since ``zero``."""
+    """A tool that shows where a product without a measurement must be, by what it acknowledged since ``zero``."""
 
     tool: str
     about: str
@@ -80,7 +80,7 @@ class Halt:
 
 @dataclass(frozen=True, slots=True)
 class LineGrammar:
-    """All that may be said to a product that is driven by lines of text."""
+    """All that may be sent to a product that is driven by lines of text."""
 
     line: Line
     commands: tuple[Command, ...]
@@ -98,7 +98,7 @@ class LineGrammar:
 
 
 def plain(grammar: LineGrammar) -> dict[str, Any]:
-    """The grammar as JSON; members without a value are left out."""
+    """The protocol definition as JSON; members without a value are omitted."""
     line, position, stop = grammar.line, grammar.position, grammar.stop
     told = {"class": line.kind, "baud": line.baud, "ending": line.ending, "ok": line.ok, "error": line.error}
     times = {"timeout": line.timeout, "settle": line.settle or None}
@@ -310,7 +310,7 @@ def _value(found: Found, name: str, given: object, place: Place) -> Value:
 
 
 def _words(found: Found, value: Mapping[str, Any], kind: object, place: Place) -> tuple[str, ...]:
-    """What a line says for false and for true."""
+    """What a line reports for false and for true."""
     if "words" not in value:
         return FALSE_AND_TRUE if kind == "boolean" else ()
     given = value["words"] if isinstance(value["words"], list) else []
@@ -340,7 +340,7 @@ def _choices(found: Found, value: Mapping[str, Any], kind: object, place: Place)
 
 
 def _closed(found: Found, value: Value, effect: object, place: Place) -> None:
-    """A caller chooses only among what stands here."""
+    """A caller chooses only among what is here."""
     if value.type == "string" and not value.choices:
         hint = "list the words with enum: [...]; a string that a caller chooses freely would be a raw pipe"
         found.add(place, f"the parameter {value.name!r} takes any string", hint)

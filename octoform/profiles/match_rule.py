@@ -1,4 +1,4 @@
-"""The evidence rule of a profile: a small, total language over what PROBE recorded of one device.
+"""The match rule of a profile: a small, total language over what PROBE recorded of one device.
 
 octoform evaluates it, never the agent, so a profile cannot make hardware appear that is not there. A rule is data:
 ``any``, ``all`` and ``not`` over the tests ``vid_pid``, ``text``, ``class``, ``driver`` and ``interface``. There are no
@@ -32,7 +32,7 @@ class Rule:
 
 
 def read(value: object, place: Place) -> tuple[Rule | None, list[Problem]]:
-    """The rule that a front-matter value says, or every problem of it as (place, summary, hint)."""
+    """The rule that a front-matter value states, or every problem of it as (place, summary, hint)."""
     problems: list[Problem] = []
     rule = _rule(value, place, problems, 1)
     if rule is not None and sum(1 for _ in _tests(rule)) > MOST_TESTS:
@@ -128,7 +128,7 @@ def _text(device: Mapping[str, Any], name: str) -> str:
 
 
 def _has_word(text: str, word: str) -> bool:
-    """Whole words only: ``arm`` does not stand in ``alarm``."""
+    """Whole words only: ``arm`` is not in ``alarm``."""
     return re.search(rf"(?<!\w){re.escape(word.casefold())}(?!\w)", text) is not None
 
 

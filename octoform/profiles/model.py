@@ -1,4 +1,4 @@
-"""A profile as a value: the owner's knowledge of one product, and the rule that says when it may be used."""
+"""A profile as a value: the owner's knowledge of one product, and the rule that states when it may be used."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -37,7 +37,8 @@ class Stop:
 class Rig:
     """What is true of the owner's own copy and of no other: facts in sentences, and limits beside the product's.
 
-    ``disabled`` are units of its grammar that are never moved, each with the reason, ``units`` bus ids that differ.
+    ``disabled`` are units of its protocol definition that are never moved, each with the reason, ``units`` bus ids that
+    differ.
     """
 
     facts: tuple[str, ...] = ()
@@ -53,10 +54,10 @@ class Profile:
     ``text`` is the whole file, ``body`` its prose, ``digest`` that of its text. ``evidence`` is the rule over what
     PROBE saw. Each of ``limits`` has at least one of ``minimum``, ``maximum``, ``step``, ``cumulative`` (numbers, with
     their ``parameter``), ``rate``, ``cooldown`` and ``quiet_hours`` (texts, see `octoform.base.durations`), and may
-    have ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the bounds of the grammar's parameters
-    are among them, and those of the rig come last. ``stop`` is what the emergency stop does, ``grammar`` the commands
-    of a product that is driven by lines or by registers, as it is on this rig. ``product`` is the product's own name,
-    empty where ``about`` says it. ``rig`` is what is true of the owner's own copy alone.
+    have ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the bounds of the protocol
+    definition's parameters are among them, and those of the rig come last. ``stop`` is what the emergency stop does,
+    ``grammar`` the commands of a product that is driven by lines or by registers, as it is on this rig. ``product`` is
+    the product's own name, empty where ``about`` states it. ``rig`` is what is true of the owner's own copy alone.
     """
 
     name: str

@@ -30,7 +30,7 @@ PLACE = ("rig",)
 
 
 def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...], grammar: Grammar | None) -> Rig:
-    """The rig that a front-matter value says, its limits being read already; every problem of it in ``found``."""
+    """The rig that a front-matter value states, its limits being read already; every problem of it in ``found``."""
     if not isinstance(given, Mapping):
         found.add(PLACE, "rig is no mapping", "write rig: {facts: [...], limits: [...]}")
         return Rig()
@@ -55,7 +55,7 @@ def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...
 
 
 def fitted(grammar: Grammar | None, rig: Rig) -> Grammar | None:
-    """The grammar as it is on the rig."""
+    """The protocol definition as it is on the rig."""
     if not isinstance(grammar, RegisterGrammar):
         return grammar
     return replace(grammar, registers=replace(grammar.registers, renumbered=rig.units, disabled=rig.disabled))
@@ -115,7 +115,7 @@ Problem = tuple[Place, str, str | None]
 
 
 def read_stop(given: object) -> tuple[tuple[Stop, ...], list[Problem]]:
-    """The actions that a front-matter value says, and every problem of it as (place, summary, hint)."""
+    """The actions that a front-matter value states, and every problem of it as (place, summary, hint)."""
     if not isinstance(given, list) or len(given) > MOST_ACTIONS:
         summary = f"stop is no list of at most {MOST_ACTIONS} actions"
         return (), [(("stop",), summary, f"write stop: [{_EXAMPLE}]")]
@@ -168,9 +168,9 @@ _BLOCK = re.compile(r"^ {0,3}(?:```+|~~~+) *([A-Za-z+]+)", re.MULTILINE)
 
 
 def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...], list[Diagnostic]]:
-    """The profiles in the order of ``sources``, and every problem of all of them; one with a problem is left out.
+    """The profiles in the order of ``sources``, and every problem of all of them; one with a problem is omitted.
 
-    A source is a file, or a text and the place where it stands (see `load_text`).
+    A source is a file, or a string and the place where it stands (see `load_text`).
     """
     profiles: list[Profile] = []
     found: list[Diagnostic] = []
@@ -187,7 +187,7 @@ def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...]
 
 
 def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:
-    """What two profiles may not both have: a name, and a tool of their grammars."""
+    """What two profiles may not both have: a name, and a tool of their protocol definitions."""
     found = []
     for other in others:
         shared = sorted(_tools(profile) & _tools(other))
@@ -206,7 +206,7 @@ def _tools(profile: Profile) -> set[str]:
 
 
 def load_text(text: str, place: str) -> tuple[Profile | None, list[Diagnostic]]:
-    """The profile of a text that is no file, such as one written into the manifest; ``place`` says where it stands.
+    """The profile of a string that is no file, such as one written into the manifest; ``place`` states where it stands.
 
     The same text gives the same profile as a file of it.
     """
@@ -366,7 +366,7 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
 
 
 def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic]:
-    """Limits of what the grammar does not have: whoever wrote them believes in a bound that is none."""
+    """Limits of what the protocol definition does not have: anyone who wrote them believes in a bound that is none."""
     tools = grammar.tools() if grammar is not None else ()
     rig = document.fields.get("rig")
     places: list[tuple[Any, frontmatter.Place]] = [

@@ -1,4 +1,4 @@
-"""Read the grammar of units on a bus: every problem of it with its place, or the grammar. Pure.
+"""Read the protocol definition of units on a bus: every problem of it with its place, or the protocol definition. Pure.
 
 Every name must lead to a field that is declared and every number must fit where it is written, so that what a server
 writes follows from the text alone, and no tool can be made to write anything else.

@@ -1,8 +1,8 @@
-"""The grammar of units on a bus that are driven by their registers, as data. Pure.
+"""The protocol definition of units on a bus that are driven by their registers, as data. Pure.
 
 Servos, drives and sensors of many makers are read and moved by the values at their addresses, behind a public library.
-The grammar says which addresses, in which order they are written and within which limits. What a tool does is one of
-a short closed list, so no tool writes an address of a caller's choice.
+The protocol definition states which addresses, in which order they are written and within which limits. What a tool
+does is one of a short closed list, so no tool writes an address of a caller's choice.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ class Library:
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """What stands at an address; ``sign_bit`` marks a negative value, ``scale`` turns counts into ``unit``."""
+    """What is at an address; ``sign_bit`` marks a negative value, ``scale`` turns counts into ``unit``."""
 
     address: int
     bytes: int
@@ -143,7 +143,7 @@ class RegisterGrammar:
 
 
 def parameters(registers: Registers, command: Action) -> tuple[Value, ...]:
-    """What a caller may say to a command, each within the bounds of the grammar."""
+    """What a caller may say to a command, each within the bounds of the protocol definition."""
     unit = registers.unit
     ids = (str(number) for number in registers.ids.values())
     one = Value(unit, "string", f"which {unit}, by its name or its id", choices=(*registers.units, *ids))
@@ -178,7 +178,7 @@ def _speed(motion: Motion) -> tuple[Value, ...]:
 
 
 def plain(grammar: RegisterGrammar, *, of_product: bool = False) -> dict[str, Any]:
-    """The grammar as JSON, the bus ids and disabled units being those of the rig unless ``of_product``."""
+    """The protocol definition as JSON, the bus ids and disabled units being those of the rig unless ``of_product``."""
     registers = grammar.registers
     library, protect, calibration = registers.library, registers.protect, registers.calibration
     told: dict[str, Any] = {

@@ -1,4 +1,4 @@
-"""Which devices a profile may be used for, and how it is told to an agent. Pure."""
+"""Which devices a profile may be used for, and how it is reported to an agent. Pure."""
 
 import json
 from collections.abc import Collection, Iterable, Iterator, Mapping
@@ -13,9 +13,9 @@ NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
 
 def devices_of(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANSWERS) -> frozenset[str]:
-    """Ids of the PROBE devices for which the profile's evidence rule holds; never raises, whatever ``probe`` is.
+    """Ids of the PROBE devices for which the profile's match rule holds; never raises, whatever ``probe`` is.
 
-    The words must stand in what PROBE recorded of that very device, or in a person's answer about it. A neighbour
+    The words must be in what PROBE recorded of that very device, or in a person's answer about it. A neighbour
     (``context``) is never met.
     """
     return frozenset(
@@ -42,9 +42,9 @@ def contributions(
 def near(
     profiles: Collection[Profile], probe: Any, answers: Mapping[str, str] = NO_ANSWERS
 ) -> list[tuple[str, str, str]]:
-    """(device id, profile name, word) of each device that lacks a word alone, and that nobody has spoken of.
+    """(device id, profile name, word) of each device that lacks a word alone, and that no one has spoken of.
 
-    The word is one that a person would have to say; it is taken from the product's name where one stands there.
+    The word is one that a person would have to say; it is taken from the product's name where one is there.
     """
     settled = {device for device, _ in contributions(profiles, probe, answers)} | set(answers)
     return sorted(
@@ -56,7 +56,7 @@ def near(
 
 
 def commands(profile: Profile) -> tuple[Mapping[str, Any], ...]:
-    """The commands of its grammar as JSON, none where it has none."""
+    """The commands of its protocol definition as JSON, none where it has none."""
     return tuple(plain(profile.grammar)["commands"]) if profile.grammar is not None else ()
 
 

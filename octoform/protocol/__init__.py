@@ -1,4 +1,4 @@
-"""Specs and prompts: what an agent is told. Device-agnostic prose in ``protocol/``, rendered and bounded here."""
+"""Specs and prompts: what an agent is notified. Device-agnostic prose in ``protocol/``, rendered and bounded here."""
 
 from octoform.protocol.model import (
     DUTIES,

@@ -45,7 +45,7 @@ def tail(path: Path, lines: int, size: int) -> str:
 
 
 def cut(text: str, size: int) -> str:
-    """The end of a text, at most ``size`` bytes in UTF-8; a character that is cut through is left out."""
+    """The end of a string, at most ``size`` bytes in UTF-8; a character that is cut through is omitted."""
     data = text.encode("utf-8", "replace")
     return data[max(0, len(data) - size) :].decode("utf-8", "ignore")
 
@@ -71,7 +71,7 @@ class Prompt:
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
     texts, ``answers`` what a person said of devices, by their ids. ``diagnostics`` and ``failed_log`` are those of the
-    attempt before, and one of them makes it a retry; ``summary`` stands in the place of a log's end. ``former`` is a
+    attempt before, and one of them makes it a retry; ``summary`` is in the place of a log's end. ``former`` is a
     copy of the output that is to be corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what
     is not; ``standing`` is what a later stage found when it tried an accepted one.
     """
@@ -157,7 +157,7 @@ def _render(prompt: Prompt, log: str) -> str:
 
 
 def _kind(stage: str) -> str:
-    """What the work is called where the agent is told of it: a stage, a privileged step, or a duty."""
+    """What the work is called where the agent is notified of it: a stage, a privileged step, or a background task."""
     if stage.startswith(STEP):
         return "step"
     return "background task" if stage in DUTIES else "stage"

@@ -1,6 +1,6 @@
-"""Read the specs of stages and duties, a project's own laid over the shipped ones. (Heavy: reads YAML.)
+"""Read the specs of stages and background tasks, a project's own laid over the shipped ones. (Heavy: reads YAML.)
 
-The front matter says what a stage reads and writes. octoform's order of stages is fixed, so these fields must agree
+The front matter states what a stage reads and writes. octoform's order of stages is fixed, so these fields must agree
 with it: a field that could be changed without effect would mislead whoever reads it.
 """
 
@@ -39,14 +39,14 @@ CONSUMES = {
     "watch": ["identify/output.json", "interface/output.json"],
     "heal": ["watch/output.json", "serve/server.py"],
 }
-"""What a duty reads is put together for it (`input.json`); these are the artifacts that it is made from."""
+"""What a background task reads is put together for it (`input.json`); these are the artifacts that it is made from."""
 FIELDS = ("stage", "consumes", "produces", "schema", "budget")
 NOT_SPECS = ("README.md",)
 _DURATION = re.compile(r"[1-9][0-9]{0,5}(?:s|m|h)")
 
 
 def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
-    """All specs by stage and duty, and every problem of all of them; one with a problem is absent.
+    """All specs by stage and background task, and every problem of all of them; one with a problem is absent.
 
     ``folder`` is a project's ``protocol/`` (it need not exist), None for the shipped specs alone.
     """
@@ -64,7 +64,7 @@ def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
 
 
 def load_one(stage: str, path: Path, schemas: Path) -> tuple[Spec | None, list[Diagnostic]]:
-    """The spec of one stage or duty from any file, or what is wrong with it."""
+    """The spec of one stage or background task from any file, or what is wrong with it."""
     document, found = frontmatter.read(path, "PROTOCOL-FRONT-MATTER")
     if document is None:
         return None, found

@@ -2,11 +2,11 @@
 
 How the kernel, a line and a bus are talked to is here as well, in modules of their own: `channels`, `counting`,
 `evdev`, `gpio`, `lines`, `nmea`, `registers`, `units`, `v4l2`. What a device may be asked to do is not: that is
-knowledge, and stands in the server.
+knowledge, and is in the server.
 
 Copied beside each server as the package ``runtime``, so it imports nothing of octoform and runs on Python 3.10. Rules
 that the core applies too lie in `base`: links to files of octoform's base, of which the copy gets the text. The
-environment says where things are, and all of it is optional: OCTOFORM_INSTANCES (which specimen each device id is),
+environment states where things are, and all of it is optional: OCTOFORM_INSTANCES (which unit each device id is),
 OCTOFORM_CALL_LOG (the call log; standard error without it), OCTOFORM_STOPS (the folder that keeps which devices are
 stopped; without it a stop ends with its process), OCTOFORM_SYSROOT (the root of /sys, /proc and /dev).
 """

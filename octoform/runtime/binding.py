@@ -1,7 +1,7 @@
-"""Decides which of the attached specimens an id is: by serial number, else by place, else because only one is left.
+"""Decides which of the attached units an id is: by serial number, else by place, else because only one is left.
 
-All ids of one kind are looked at together, so that no two of them ever get the same specimen. What acts is bound by a
-serial number or a place, or where one specimen is left for one id; on a guess it is not moved (AmbiguousDevice). What
+All ids of one kind are looked at together, so that no two of them ever get the same unit. What acts is bound by a
+serial number or a place, or where one unit is left for one id; on a guess it is not moved (AmbiguousDevice). What
 only reads may answer by order. docs/identity.md has the table.
 """
 
@@ -152,7 +152,7 @@ def _driver(path: Path) -> str:
 
 
 def contradicts(path: Path, device_id: str) -> bool:
-    """Whether the folder is certainly another kind than the id says: a number was given to something else."""
+    """Whether the folder is certainly another kind than the id states: a number was given to something else."""
     ids = vid_pid(path)
     if ids:
         return f"-{ids}" not in device_id
@@ -162,7 +162,7 @@ def contradicts(path: Path, device_id: str) -> bool:
 
 
 def kind_of(device_id: str) -> tuple[str, list[Path]]:
-    """The kind that an id names, without an ordinal, and the folders of all its specimens in natural order."""
+    """The kind that an id names, without an ordinal, and the folders of all its units in natural order."""
     if found := _of_kind(device_id):
         return device_id, found
     ordinal = _ORDINAL.match(device_id)
@@ -214,7 +214,7 @@ def serial(path: Path) -> str | None:
 
 
 def names_said(path: Path) -> list[str]:
-    """What a device says of its kind: no number of a specimen is equal to one of these."""
+    """What a device reports of its kind: no number of a unit is equal to one of these."""
     ids = vid_pid(path)
     return [text for text in (ids, *(read_text(path / name) or "" for name in _KIND_NAMES)) if text]
 
@@ -225,7 +225,7 @@ _MOST_NAMED = 4
 
 @dataclass(frozen=True)
 class Binding:
-    """The folder of the specimen that was found, and how surely it is the one."""
+    """The folder of the unit that was found, and how surely it is the one."""
 
     folder: Path
     strength: str
@@ -243,12 +243,12 @@ class _Claim:
     unique: bool = False
 
     def excludes(self, folder: Path) -> bool:
-        """Whether the folder is certainly another specimen: it shows another serial number."""
+        """Whether the folder is certainly another unit: it shows another serial number."""
         shown = serial(folder) or ""
         return bool(self.serial and shown) and not serials.same(self.serial, shown)
 
     def rules_out(self, folder: Path) -> bool:
-        """The same by a number that can decide between several: a default says nothing about the one that is left."""
+        """The same by a number that can decide between several: a default states nothing about the one that is left."""
         return self.excludes(folder) and (self.unique or serials.weight(self.serial) >= serials.SHORT)
 
     def lacks(self, folder: Path) -> bool:
@@ -262,7 +262,7 @@ class _Claim:
 
 
 def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
-    """The specimen where it was last seen, for a reader: nothing else is looked at while all is as it was."""
+    """The unit where it was last seen, for a reader: nothing else is looked at while all is as it was."""
     instance = known.get(device_id)
     claim = _claim(device_id, instance if isinstance(instance, Mapping) else {})
     folder = _recorded(claim)
@@ -275,7 +275,7 @@ def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
 
 
 def bind(device_id: str, known: Mapping[str, Any], actuate: bool) -> Binding:
-    """The specimen that an id is now; DeviceAbsent or AmbiguousDevice with the reason."""
+    """The unit that an id is now; DeviceAbsent or AmbiguousDevice with the reason."""
     name, specimens = kind_of(device_id)
     claims = _claims(device_id, name, known, specimens)
     mine = next(claim for claim in claims if claim.id == device_id)
@@ -332,7 +332,7 @@ def _shifted(wanting: list[_Claim], free: list[Path]) -> set[str]:
 def _left_over(
     mine: _Claim, claims: list[_Claim], specimens: list[Path], bound: Mapping[str, Binding], actuate: bool
 ) -> Binding:
-    """The specimens that no place and no number gave to an id, to the ids that have none, in order."""
+    """The units that no place and no number gave to an id, to the ids that have none, in order."""
     held = [binding.folder for name, binding in bound.items() if name != mine.id]
     free = [each for each in specimens if each not in held]
     open_to_me = [each for each in free if not mine.excludes(each)]
@@ -351,7 +351,7 @@ def _left_over(
 
 
 def _in_order(wanting: list[_Claim], free: list[Path]) -> dict[str, Path]:
-    """Each id the specimen in its very path, else the next that is left."""
+    """Each id the unit in its very path, else the next that is left."""
     given = {claim.id: each for claim in wanting for each in free if path_of(each) == claim.path}
     rest = [each for each in free if each not in given.values()]
     for claim in wanting:

@@ -1,8 +1,8 @@
 """One line when a tool is called and one when it ended, whatever happened in between.
 
-A call that is not in the log is invisible to whoever watches the server, so the wrapper is around every tool. Lines
+A call that is not in the log is invisible to anyone who watches the server, so the wrapper is around every tool. Lines
 are ASCII JSON with bounded text, each written at once to a file opened for appending: calls of several threads and
-processes never mix. A log that cannot be written never fails a call; it is said once on standard error.
+processes never mix. A log that cannot be written never fails a call; it is stated once on standard error.
 """
 
 import functools
@@ -55,7 +55,7 @@ def traced() -> Iterator[Trace]:
 
 @contextmanager
 def asking(device: str) -> Iterator[None]:
-    """A device is looked for; what is read meanwhile tells where it is, and nothing of what it measures."""
+    """A device is looked for; what is read meanwhile shows where it is, and nothing of what it measures."""
     trace = _current.get()
     if trace is not None and device not in trace.devices and len(trace.devices) < MOST:
         trace.devices.append(device)

@@ -2,12 +2,12 @@
 
 A position is a fact of this process, held for all of its threads. It is counted from the command that takes every axis
 to its origin. It is unknown before that, after a movement that failed or whose answer did not come, and when the device
-was attached anew, because its own counter began anew as well. A counted device is kept open: some do something of their
-own while nobody has their line open, which would make the count a lie.
+was attached again, because its own counter began again as well. A counted device is kept open: some do something of
+their own while no one has their line open, which would make the count a lie.
 
 After a stop nothing is sent but the one command that ends it; what is under way then is carried out to its end. A stop
 outlives the process: it is a file (`stops`), looked at before each command. Where none can be written, it holds in this
-process alone, and the answer says so.
+process alone, and the answer states that.
 """
 
 import json
@@ -40,7 +40,7 @@ class Stop(NamedTuple):
 
 
 def seen(device: str) -> Stop | None:
-    """What stops the device now, looked up anew each time; None when nothing does or no folder is named."""
+    """What stops the device now, looked up again each time; None when nothing does or no folder is named."""
     place = _place(device)
     if place is None:
         return None
@@ -97,7 +97,7 @@ def _place(device: str) -> Path | None:
 
 
 def _status(place: Path) -> object:
-    """Tells one thing at a place from the next where its content cannot; None when nothing can be told."""
+    """Tells one thing at a place from the next where its content cannot; None when nothing can be reported."""
     try:
         status = place.lstat()
     except OSError:
@@ -145,7 +145,7 @@ NONE = Step()
 
 
 def attached(line: int | str) -> object:
-    """Equal for a line, open or by its node, for as long as its device was not attached anew."""
+    """Equal for a line, open or by its node, for as long as its device was not attached again."""
     node = os.fstat(line) if isinstance(line, int) else Path(line).stat()
     return node.st_dev, node.st_ino, node.st_rdev, node.st_ctime_ns
 
@@ -165,7 +165,7 @@ def position(device: str, node: str, axes: Iterable[str], zero: str) -> dict[str
 def stop(device: str, until: str) -> dict[str, Any]:
     """From now on nothing is sent to the device but the command ``until``, also by servers that start later.
 
-    ``note`` says why, when the stop could not be written and ends with this server.
+    ``note`` states why, when the stop could not be written and ends with this server.
     """
     with _guard:
         known = _known.setdefault(device, _Known())

@@ -1,6 +1,6 @@
 """Finds a device by identity at the moment of a call, wherever it is plugged in now.
 
-Generated code holds ids of kinds, never a node or a port. The instances file says which specimen an id is: where it
+Generated code holds ids of kinds, never a node or a port. The instances file states which unit an id is: where it
 was seen (`sysfs`, `port`), its serial number where it has one, and how strong that identity is. Without the file the
 id alone decides, by kind and ordinal (`binding` has the rules).
 """
@@ -47,7 +47,7 @@ class Bus:
     """
 
     def __init__(self, name: str, timeout: float = DEFAULT_TIMEOUT, confirm: Callable[[], None] | None = None) -> None:
-        """``name`` says what is shared: a bus's name, or a device's folder in sysfs.
+        """``name`` states what is shared: a bus's name, or a device's folder in sysfs.
 
         ``confirm`` is called once the lock is held; when it raises, the lock is released.
         """
@@ -213,7 +213,7 @@ class Device:
         return subsystem(path)[1] == "platform" and subsystem(self.folder)[1] in ("usb", "hid")
 
     def _same_product(self, path: Path) -> bool:
-        """A HID device belongs to its transport unless it says that it is another product behind a receiver."""
+        """A HID device belongs to its transport unless it states that it is another product behind a receiver."""
         if subsystem(path)[1] != "hid" or subsystem(self.folder)[1] == "hid":
             return False
         return binding.vid_pid(self.folder) in ("", binding.vid_pid(path))
@@ -223,7 +223,7 @@ def device(device_id: str, actuate: bool = False) -> Device:
     """The device of this id as it is attached now.
 
     DeviceAbsent when it is not there; AmbiguousDevice when ``actuate`` is true and neither a serial number nor a place
-    tells which specimen is meant.
+    shows which unit is meant.
     """
     with calllog.asking(device_id):
         known = _instances()

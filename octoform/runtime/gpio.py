@@ -48,7 +48,7 @@ def lines(node: str) -> tuple[str, list[dict[str, Any]]]:
 def read(node: str, line: int) -> tuple[dict[str, Any], int | None]:
     """A line as in ``lines``, and 1 where it is high; None for one that another program or the kernel uses.
 
-    A line that nobody uses is requested for the moment, and its direction stays as it is.
+    A line that no one uses is requested for the moment, and its direction stays as it is.
     """
     with Path(node).open("rb", 0) as file:
         found = _checked(node, file, line)

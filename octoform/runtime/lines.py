@@ -70,7 +70,7 @@ class Exchange:
         """``command`` is the line to send, without its ending; ``replies`` has the pattern of each line of its answer.
 
         Without a command the product speaks by itself. Without a pattern it acknowledges nothing, and may refuse.
-        ``step`` says what the command means for the position of the device, and whether it ends a stop.
+        ``step`` states what the command means for the position of the device, and whether it ends a stop.
         """
         self._device, self._wire, self._command, self._replies = device, wire, command, replies
         self._step = step

@@ -1,14 +1,14 @@
 """Units on a bus that are read and driven by the values at their addresses: servos, drives, sensors of many makers.
 
 The server brings the library that talks on the bus and holds the bus only for one exchange after the other, so that
-readings and a stop come between the steps of a movement (`movement`). What stands at which address, in which order it
+readings and a stop come between the steps of a movement (`movement`). What is at which address, in which order it
 is written and within which limits is data (`Map`), which comes from the product's profile.
 
     arm = runtime.units.Units(MAP, device, lambda: opened(device, actuate=True))
     arm.move("elbow_flex", 2048, speed=400)
 
 A reply that is missing or broken is asked for once more, because a transient drop is no fault of the device. After that
-it is a DeviceFault that names the unit and says what is not known. A reading of None was not taken.
+it is a DeviceFault that names the unit and states what is not known. A reading of None was not taken.
 """
 
 import termios
@@ -55,7 +55,7 @@ class Range(NamedTuple):
 class Calibration(NamedTuple):
     """What was found: the ranges by unit, or in ``note`` why there are none.
 
-    ``wrong`` is a contradiction between file and profile: nobody knows which unit is which, so none may be moved.
+    ``wrong`` is a contradiction between file and profile: no one knows which unit is which, so none may be moved.
     """
 
     ranges: Mapping[str, Range]
@@ -145,7 +145,7 @@ class Port(Protocol):
 
 
 class Field(NamedTuple):
-    """What stands at an address; ``sign_bit`` is the bit that marks a negative value, ``scale`` the size of a count."""
+    """What is at an address; ``sign_bit`` is the bit that marks a negative value, ``scale`` the size of a count."""
 
     address: int
     size: int = 1
@@ -153,7 +153,7 @@ class Field(NamedTuple):
     sign_bit: int | None = None
 
     def value(self, raw: int) -> float:
-        """The value of what stands there, in the field's unit; a whole number where a count is one."""
+        """The value of what is there, in the field's unit; an integer where a count is one."""
         if self.sign_bit is not None and raw >> self.sign_bit & 1:
             raw = -(raw & ~(1 << self.sign_bit))
         return raw if self.scale == 1 else round(raw * self.scale, 6)
@@ -236,9 +236,9 @@ class Bank:
         self.known = known(device)
 
     def exchange(self, name: str, what: str, do: Callable[["Talk"], T]) -> T:
-        """What ``do`` makes of one unit with the bus held. ``what`` says in a few words what is unknown if it fails.
+        """What ``do`` makes of one unit with the bus held. ``what`` states in a few words what is unknown if it fails.
 
-        When the line breaks, the bus is opened anew and all of ``do`` is done once more.
+        When the line breaks, the bus is opened again and all of ``do`` is done once more.
         """
         for last in (False, True):
             try:
@@ -268,7 +268,7 @@ class Bank:
         return UnitFault(self.device, f"{self.device}: {text}")
 
     def told(self, problem: DeviceFault) -> str:
-        """What an error says, without the device's name before it."""
+        """What an error states, without the device's name before it."""
         return str(problem).removeprefix(f"{self.device}: ")
 
 
@@ -288,7 +288,7 @@ class Talk:
         return value
 
     def count(self, field: str) -> int:
-        """The same for a field that is a whole number of counts."""
+        """The same for a field that is an integer of counts."""
         return round(self.read(field))
 
     def write(self, field: str, value: int) -> int:
@@ -309,7 +309,7 @@ class Talk:
                 raise self._bank.fault(f"{self.name} was set to {field} = {value}, and its {field} is {found}")
 
     def _judged(self, field: str, value: float) -> None:
-        """Each fresh reading of the protected field says whether the unit is too hot, and when it no longer is."""
+        """Each fresh reading of the protected field states whether the unit is too hot, and when it no longer is."""
         protect, hot = self._bank.map.protect, self._bank.known.hot
         if protect is None or field != protect.field:
             return

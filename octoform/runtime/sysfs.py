@@ -58,7 +58,7 @@ def read_number(path: Path, scale: float = 1.0) -> float | None:
 
 
 def read_integer(path: Path) -> int | None:
-    """A whole number from an attribute, decimal or with 0x; None when it cannot be read or is none."""
+    """An integer from an attribute, decimal or with 0x; None when it cannot be read or is none."""
     try:
         return int(read_text(path, 64) or "", 0)
     except ValueError:

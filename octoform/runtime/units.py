@@ -30,9 +30,9 @@ MOVING = "moving"
 
 
 class Move:
-    """One unit's movement, all in counts; ``fault`` says what went wrong, in words for a client.
+    """One unit's movement, all in counts; ``fault`` states what went wrong, in words for a client.
 
-    ``under_way`` from before its goal is written until it was seen to stand or was told to hold.
+    ``under_way`` from before its goal is written until it was seen to stand or was instructed to hold.
     """
 
     def __init__(self, name: str, start: int, goal: int) -> None:
@@ -269,7 +269,7 @@ def _seen(bank: Bank, move: Move, talk: Talk) -> bool:
 
 
 def _late(bank: Bank, move: Move, talk: Talk) -> bool:
-    """Stop a unit that is still under way when its time is over; UnitFault says where, unless it came or sticks."""
+    """Stop a unit that is still under way when its time is over; UnitFault states where, unless it came or sticks."""
     motion = motion_of(bank)
     move.position = held(bank, talk)
     move.under_way = False
@@ -311,7 +311,7 @@ class Units(Bank):
         return {"device": self.device, **record, "calibrated": percent}
 
     def read_all(self, fields: Iterable[str]) -> Record:
-        """The same of every unit, a silent one skipped with that reason; ``calibration`` says why there is none."""
+        """The same of every unit, a silent one skipped with that reason; ``calibration`` states why there is none."""
         found, silent, wanted = [], [], list(fields)
         for name in self.map.units:
             try:

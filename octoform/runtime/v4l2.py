@@ -1,4 +1,4 @@
-"""What a Video4Linux2 node says it can do (linux/videodev2.h). Every call belongs under the device's lock."""
+"""What a Video4Linux2 node reports it can do (linux/videodev2.h). Every call belongs under the device's lock."""
 
 import errno
 import fcntl

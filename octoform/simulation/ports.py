@@ -1,7 +1,7 @@
 """A tty for a simulated device: a pseudo terminal whose far end feeds it, in a thread of its own.
 
 What a real adapter does is done here: it tells the device that a host has opened or closed the port, hands nothing on
-at a wrong speed, and forgets what nobody read when the port is closed.
+at a wrong speed, and forgets what no one read when the port is closed.
 """
 
 import os
@@ -32,7 +32,7 @@ class Device(Protocol):
         """When ``feed(b"")`` has something to say; None when it has not."""
 
     def feed(self, data: bytes) -> bytes:
-        """What it says to these bytes and to those before; OSError when it goes away."""
+        """What it answers to these bytes and to those before; OSError when it goes away."""
 
     def garbled(self, data: bytes) -> None:
         """Bytes at a speed that it does not understand."""
@@ -65,13 +65,13 @@ class Port:
         self._thread.start()
 
     def stop(self) -> None:
-        """Take node and terminal away: whoever has it open sees the line go dead."""
+        """Take node and terminal away: anyone who has it open sees the line go dead."""
         self._over.set()
         if self._thread is not threading.current_thread():
             self._thread.join()
 
     def say(self, data: bytes) -> None:
-        """Send what nobody asked for; what a host does not read is lost when its buffer is full."""
+        """Send what no one asked for; what a host does not read is lost when its buffer is full."""
         while data:
             try:
                 data = data[os.write(self._master, data) :]

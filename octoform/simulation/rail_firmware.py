@@ -182,7 +182,7 @@ class LineDevice:
         return self._due_now()
 
     def _place(self, now: float) -> dict[str, int]:
-        """The carriage; while nobody listens it goes to and fro, each axis within its own bounds."""
+        """The carriage; while no one listens it goes to and fro, each axis within its own bounds."""
         if self._alone is None or now < self._alone or not self._step:
             return self._movement.at(now)
         start, gone = self._movement.at(self._alone), int((now - self._alone) / self._step)

@@ -129,7 +129,7 @@ KINDS = ("servos", "line", "camera")
 
 
 class RigInvalid(ValueError):
-    """No such description, or one that can't be used; the text says which and why."""
+    """No such description, or one that can't be used; the text states which and why."""
 
 
 def folders() -> tuple[Path, ...]:
@@ -144,7 +144,7 @@ def names() -> list[str]:
 
 
 def load(rig: str | Path) -> dict[str, Any]:
-    """The description of a shipped rig by its name, or of a file by its path. RigInvalid says what is wrong."""
+    """The description of a shipped rig by its name, or of a file by its path. RigInvalid states what is wrong."""
     from ruamel.yaml import YAML  # heavy, and not needed by the devices
     from ruamel.yaml.error import YAMLError
 

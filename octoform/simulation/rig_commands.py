@@ -20,13 +20,13 @@ _OPTIONAL: Mapping[str, object] = {"anonymous": False, "described": False, "unpl
 
 
 class CommandRefused(ValueError):
-    """A line that can't be done; the text says why."""
+    """A line that can't be done; the text states why."""
 
 
 def changed(description: Mapping[str, Any], name: str, key: str, value: object) -> dict[str, Any]:
     """The description with another value of one key of one device. CommandRefused for one that is not there.
 
-    The value has to be of the kind that it replaces: a number, true or false, a text. ``kind`` makes another device.
+    The value has to be of the kind that it replaces: a number, true or false, a string. ``kind`` makes another device.
     """
     devices = description["devices"]
     if name not in devices:
@@ -45,7 +45,7 @@ def _sort(value: object) -> str:
 
 
 def obey(rig: Rig, text: str) -> dict[str, Any]:
-    """Do what a line says; what came of it, with the key ``event``. CommandRefused when it can't be done."""
+    """Do what a line reports; what came of it, with the key ``event``. CommandRefused when it can't be done."""
     words = text.split() or ["show"]
     known = {"plug": (1, 3), "unplug": (1, 1), "fault": (2, 2), "show": (0, 0)}
     word, rest = words[0], words[1:]

@@ -104,7 +104,7 @@ class _Canvas:
         return cls(bench.width, bench.height, *planes)
 
     def disc(self, centre: tuple[float, float], radius: float, colour: Colour) -> None:
-        """A filled disc; what lies outside of the picture is left out."""
+        """A filled disc; what lies outside of the picture is omitted."""
         self._spans(self.luma, (centre[0], centre[1], radius), self.width, colour[0])
         half = (centre[0] / 2, centre[1] / 2, radius / 2)
         self._spans(self.blue, half, self.width // 2, colour[1])

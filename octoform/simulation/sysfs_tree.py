@@ -1,4 +1,4 @@
-"""Builds the tree of an invented host (sys, proc, dev, run) from a text, and takes a part of it away again.
+"""Builds the tree of an invented host (sys, proc, dev, run) from a string, and takes a part of it away again.
 
 The text, line by line (paths below /sys are written without it; ``#`` starts a comment):
 

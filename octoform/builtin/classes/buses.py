@@ -74,7 +74,7 @@ _BRIDGES = (("i2c-adapter", "I2C bus"), ("i2c-dev", "I2C bus"), ("spidev", "SPI 
 
 
 def claim_hub(device: Device) -> Claim | None:
-    """A USB hub or a billboard (which only says that a display mode failed), or nothing of the kind."""
+    """A USB hub or a billboard (which only states that a display mode failed), or nothing of the kind."""
     interface = device.usb(USB_HUB)
     if device.usb_class == USB_HUB or interface:
         evidence = device.cite_key("device_class", "USB hub") if not interface else Evidence(interface.line, "USB hub")
@@ -114,7 +114,7 @@ def claim_part(device: Device) -> Claim | None:
 
 
 def _by_bus(device: Device) -> Claim | None:
-    """What the bus itself says: a port, a function of a virtual machine, a code of PCI, a plain serial port."""
+    """What the bus itself states: a port, a function of a virtual machine, a code of PCI, a plain serial port."""
     maker, model = device.fact("vendor_name"), device.fact("device_name")
     if device.bus == "typec" or (device.bus == "thunderbolt" and model):
         kind, noun = _BUSES[device.bus]

@@ -150,7 +150,7 @@ def claim(device: Device) -> Claim | None:
 
 
 def _is_told(device: Device) -> bool:
-    """Whether anything but the bare class tells what a HID device is: a word of its own, or a driver of its kind.
+    """Whether anything but the bare class shows what a HID device is: a word of its own, or a driver of its kind.
 
     A power supply, a relay and a meter have that class as well as a keyboard has it.
     """
@@ -193,7 +193,7 @@ def _from_events(device: Device, groups: list[dict[str, Fact]]) -> Claim:
 
 
 def _leading(device: Device) -> str:
-    """Keyboards with a pointer and mice with keys send both kinds of events; the first boot interface tells which."""
+    """Keyboards with a pointer and mice with keys send both kinds of events; the first boot interface shows which."""
     spoken = set(product_names.words(device.product_text))
     for kind, other in (("keyboard", "mouse"), ("mouse", "keyboard")):
         if kind in spoken and other not in spoken:

@@ -235,7 +235,7 @@ def claim_vendor(device: Device) -> Claim | None:
 
 
 def _directions(device: Device) -> set[str]:
-    """p and c: what the card's PCM devices do, as PROBE says it or as the kernel names them."""
+    """p and c: what the card's PCM devices do, as PROBE reports it or as the kernel names them."""
     told = " ".join(fact.text for fact in device.of("sound") if fact.key.startswith("pcm"))
     named = {name[-1] for kind, name in device.nodes if kind == "sound" and name.startswith("pcm")}
     return named | ({"p"} if "playback" in told else set()) | ({"c"} if "capture" in told else set())

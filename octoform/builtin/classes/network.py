@@ -51,7 +51,7 @@ _READ_BLUETOOTH = Capability(
 
 
 def leave_context(device: Device) -> Leave:
-    """Why something that is merely near is left out: paired, on the other side of WSL2, or a neighbour."""
+    """Why something that is merely near is omitted: paired, on the other side of WSL2, or a neighbour."""
     if device.bus == "windows":
         return _leave_windows(device)
     if device.bus != "bluetooth":
@@ -63,7 +63,7 @@ def leave_context(device: Device) -> Leave:
 
 
 def _leave_windows(device: Device) -> Leave:
-    """Hardware of the Windows side of WSL2; what stands on USB can be handed over, and the command is said."""
+    """Hardware of the Windows side of WSL2; what stands on USB can be handed over, and the command is stated."""
     if device.fact("group"):
         return Leave("virtual", "made by Windows itself")
     labels = [
@@ -80,7 +80,7 @@ def _leave_windows(device: Device) -> Leave:
 
 
 def claim_bluetooth(device: Device) -> Claim | None:
-    """A Bluetooth adapter: by class, by the standard interface, or a vendor's interface that says so in words."""
+    """A Bluetooth adapter: by class, by the standard interface, or a vendor's interface that states that in words."""
     if "bluetooth" in device.classes:
         evidence = device.cite("bluetooth", "the kernel's Bluetooth class")
     elif interface := device.usb(USB_BLUETOOTH):

@@ -1,6 +1,6 @@
 """Lights of the kernel's classes: display backlights and LEDs.
 
-The lock lights of a keyboard belong to whoever uses the keyboard; they are not offered.
+The lock lights of a keyboard belong to anyone who uses the keyboard; they are not offered.
 """
 
 import re

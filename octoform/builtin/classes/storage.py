@@ -50,7 +50,7 @@ def _udev_names(device: Device) -> tuple[tuple[str, ...], ...]:
 
 
 def _joined(maker: Fact | None, model: Fact | None) -> tuple[tuple[str, ...], ...]:
-    """The name that the two give, with the lines that they stand in."""
+    """The name that the two give, with the lines that they are in."""
     if not model:
         return ()
     # SCSI fills the vendor of a SATA drive with the name of the bus.

@@ -2,7 +2,7 @@
 
 The words are those of the trade (oscilloscope, colorimeter, UPS); none is a maker's or a product's. They are looked
 for in the device's own strings and in the name that the host's id database gives; a word found only in the database
-is weaker and says so.
+is weaker and states that.
 """
 
 import re

@@ -2,7 +2,7 @@
 
 A `Claim` is one class module's reading of one device ("this unit holds a camera, because ..."). Several modules may
 claim one unit, because a unit is a bus device and may carry several kernel classes (a drive with a temperature
-sensor). The first claim in the order of the modules says what the unit is; the capabilities of all of them count.
+sensor). The first claim in the order of the modules states what the unit is; the capabilities of all of them count.
 """
 
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ class Claim:
     """One class module's reading of a unit.
 
     ``kind`` is the class word of the annotation, ``noun`` what the thing is called when nothing names the product.
-    ``names`` are the kernel's own strings for it, best first, each with the lines it stands in. ``settled`` is false
+    ``names`` are the kernel's own strings for it, best first, each with the lines it is in. ``settled`` is false
     where even the class is an inference: the annotation then stays below one half.
     """
 
@@ -69,7 +69,7 @@ class Claim:
 
 @dataclass(frozen=True, slots=True)
 class Leave:
-    """A unit that is not annotated, and why; ``reason`` is one of the schema's words."""
+    """A unit that is not identified, and why; ``reason`` is one of the schema's words."""
 
     reason: str
     detail: str

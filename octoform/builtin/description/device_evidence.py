@@ -1,4 +1,4 @@
-"""A PROBE device as the class modules read it: facts with the line that each stands in.
+"""A PROBE device as the class modules read it: facts with the line that each is in.
 
 PROBE's text is lines of `key: value`; what a class device in the unit says is `class[0].key: value`. Everything
 that IDENTIFY concludes cites such a line whole, so that the quote can be checked against the artifact. Instance facts
@@ -100,7 +100,7 @@ class Device:
         return found.text if found else ""
 
     def of(self, kernel_class: str, *keys: str) -> list[Fact]:
-        """What a kernel class of the unit says, under the keys where any are given."""
+        """What a kernel class of the unit states, under the keys where any are given."""
         return [fact for fact in self.facts if fact.owner == kernel_class and (not keys or fact.key in keys)]
 
     def groups(self, kernel_class: str) -> list[dict[str, Fact]]:
@@ -175,7 +175,7 @@ class Device:
 
     @property
     def strings(self) -> str:
-        """All that the device says of itself in words: manufacturer, product, interface labels."""
+        """All that the device reports of itself in words: manufacturer, product, interface labels."""
         labels = [interface.label for interface in self.interfaces]
         return " ".join(part for part in (self.text("manufacturer"), self.product_text, *labels) if part)
 

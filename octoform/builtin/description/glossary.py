@@ -1,7 +1,7 @@
-"""Words of the trade in other languages: what the string of a device says in English.
+"""Words of the trade in other languages: what the string of a device reports in English.
 
 A device sold in one country speaks its language. The stems here are general words for kinds of devices (printer, scale,
-dosimeter), none of them a maker's or a product's; the longest that stands in a string counts. Chinese, Japanese and
+dosimeter), none of them a maker's or a product's; the longest that is in a string counts. Chinese, Japanese and
 Korean do not part words, so a stem is looked for anywhere; in other languages only at the beginning of a word.
 """
 
@@ -77,7 +77,7 @@ _JOINED = re.compile(r"[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]")
 
 
 def english(text: str) -> str:
-    """The English words for what a string says in another language; "" where it says nothing known here."""
+    """The English words for what a string states in another language; "" where it states nothing known here."""
     plain = unicodedata.normalize("NFKC", text).casefold()
     found = sorted(
         ((-len(stem), at, meaning) for stem, meaning in _MEANINGS if (at := _place(stem, plain)) >= 0),
@@ -92,7 +92,7 @@ def english(text: str) -> str:
 
 
 def _place(stem: str, text: str) -> int:
-    """Where a stem stands in a text, -1 where it does not."""
+    """Where a stem is in a string, -1 where it does not."""
     if _JOINED.search(stem):
         return text.find(stem)
     end = r"(?!\w)" if len(stem) < _SHORT else ""

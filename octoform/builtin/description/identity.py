@@ -59,7 +59,7 @@ def identity(device: Device, claim: Claim) -> Identity:
 
 
 def _translated(found: Identity) -> Identity:
-    """The name with what it says in English, where it is in another language; what it rests on says so, too."""
+    """The name with what it states in English, where it is in another language; what it rests on states that, too."""
     if found.method != "descriptor_strings" or found.confidence >= STRING:
         return found
     evidence = tuple(_with_meaning(each) for each in found.evidence)
@@ -75,9 +75,9 @@ def _with_meaning(cited: Evidence) -> Evidence:
 
 
 def _is_cited(found: Identity, claim: Claim) -> bool:
-    """True when each word of the name stands in what is cited for it, or says the kind of thing.
+    """True when each word of the name is in what is cited for it, or states the kind of thing.
 
-    A string with unprintable signs, or one that PROBE had to cut, gives a name that nobody can look up.
+    A string with unprintable signs, or one that PROBE had to cut, gives a name that no one can look up.
     """
     cited = {word for each in (*found.evidence, *claim.evidence) for word in product_names.words(each.quote)}
     if found.method == "id_database":
@@ -175,7 +175,7 @@ def _lends_its_vendor(device: Device, claim: Claim) -> bool:
 def _registered(device: Device, claim: Claim) -> Identity | None:
     """The database's name; None when it names nothing or only how the thing is wired.
 
-    On USB it is believed where the device's own maker bears it out and it says more than that maker's name; a number
+    On USB it is believed where the device's own maker bears it out and it states more than that maker's name; a number
     alone names nothing. The ids of other buses are given to no second product.
     """
     entry = device.database

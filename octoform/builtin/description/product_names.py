@@ -1,4 +1,4 @@
-"""What a string of a device says about the product: a model, only a class, or only the chip's transport.
+"""What a string of a device reports about the product: a model, only a class, or only the chip's transport.
 
 Every string here comes from a device and is data: it is bounded, cleaned and compared, nothing more. The judgement
 uses general words of the trade (what kind of thing, which transport), never the name of a maker or a product.
@@ -135,7 +135,7 @@ def words(text: str) -> list[str]:
 
 
 def spread(text: str) -> str:
-    """A text with its words of mixed case taken apart."""
+    """A string with its words of mixed case taken apart."""
     return _CAMEL.sub(" ", text.replace("_", " "))
 
 
@@ -166,7 +166,7 @@ def is_name(text: str) -> bool:
 
 
 def is_foreign(text: str) -> bool:
-    """True for a text with a word of another script than the Latin one."""
+    """True for a string with a word of another script than the Latin one."""
     return _FOREIGN.search(text) is not None
 
 
@@ -177,7 +177,7 @@ def names_a_model(text: str) -> bool:
 
 
 def tells_a_model(text: str) -> bool:
-    """True for a name with a word that tells models apart, whatever else it says."""
+    """True for a name with a word that tells models apart, whatever else it states."""
     return is_name(text) and bool(model_words(text)) and not describes_transport(text)
 
 
@@ -187,9 +187,9 @@ def names_a_product(text: str) -> bool:
 
 
 def adds_to(maker: str, product: str) -> bool:
-    """True when a product string says more than its maker's name: a model word of its own, or a number.
+    """True when a product string states more than its maker's name: a model word of its own, or a number.
 
-    Two letters alone are the initials of whoever sells it, unless they stand behind the maker's whole name and are not
+    Two letters alone are the initials of anyone who sells it, unless they are behind the maker's whole name and are not
     its own: that is how a maker calls one of several models.
     """
     said = set(words(maker))
@@ -251,7 +251,7 @@ def is_wire_and_part(text: str) -> bool:
 
 
 def is_short(text: str) -> bool:
-    """True for a few plain words, as a name is; false for a sentence, and for a text that PROBE had to mend."""
+    """True for a few plain words, as a name is; false for a sentence, and for a string that PROBE had to fix."""
     return len(words(text)) <= _FEW and max(map(len, text.split()), default=0) <= _LONG and not _MARKS.search(text)
 
 
@@ -266,12 +266,12 @@ def speaks_of_a_part(text: str) -> bool:
 
 
 def is_state(text: str) -> bool:
-    """True where a string tells what the device is waiting for (a boot loader), not what it is."""
+    """True where a string shows what the device is waiting for (a boot loader), not what it is."""
     return bool(STATE.search(text.replace("_", " ")))
 
 
 def is_placeholder(text: str) -> bool:
-    """True for a manufacturer's field that names nobody: 'Generic', 'VendorCo', or the kind of thing again."""
+    """True for a manufacturer's field that names no one: 'Generic', 'VendorCo', or the kind of thing again."""
     told = words(text)
     if not told:
         return not is_foreign(text)
@@ -279,7 +279,7 @@ def is_placeholder(text: str) -> bool:
 
 
 def makes_chips(maker: str) -> bool:
-    """True for a maker whose own name says that it makes chips: its strings are those of a reference design."""
+    """True for a maker whose own name states that it makes chips: its strings are those of a reference design."""
     return not CHIP_MAKER.isdisjoint(words(maker))
 
 
@@ -303,7 +303,7 @@ def speaks_of_another_kind(name: str, own: str) -> bool:
 
 
 def is_vendor(text: str) -> bool:
-    """False for placeholders and for lot numbers that stand in the manufacturer's field."""
+    """False for placeholders and for lot numbers that are in the manufacturer's field."""
     plain = text.strip(" -._")
     return bool(plain) and not is_placeholder(plain) and is_name(plain) and not _LOT_NUMBER.match(plain)
 

@@ -1,4 +1,4 @@
-"""What each bus says about a device on it: identity of the kind, strings, instance facts.
+"""What each bus reports about a device on it: identity of the kind, strings, instance facts.
 
 A table of attributes for each bus, a function where ids are packed into something else. The names of the buses and
 attributes are those of the kernel's own documentation (Documentation/ABI).
@@ -86,7 +86,7 @@ def group_of(subsystem: str, name: str) -> str:
 
 
 def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
-    """Add what the bus of ``node`` says about its kind, and the instance facts that stand beside it."""
+    """Add what the bus of ``node`` says about its kind, and the instance facts that are beside it."""
     special = _SPECIAL.get(node.subsystem)
     if special is not None:
         special(node, reader, uevent)
@@ -243,7 +243,7 @@ def _announced_kind(modalias: str) -> str:
 
 
 def _platform_kind(node: Node, uevent: dict[str, str]) -> str:
-    """The name without what says where: ``3f804000.i2c`` is ``i2c``, ``PNP0103:00`` is ``PNP0103``."""
+    """The name without what states where: ``3f804000.i2c`` is ``i2c``, ``PNP0103:00`` is ``PNP0103``."""
     bare = _ADDRESS.sub("", node.name)
     return _TRAILER.sub("", bare) or uevent.get("OF_NAME", "") or slug(uevent.get("DRIVER", "")) or "device"
 

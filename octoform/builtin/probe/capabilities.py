@@ -25,7 +25,7 @@ def bitmap(text: str) -> int:
     """The kernel's words of hexadecimal digits, highest first, as one number; 0 when there are none.
 
     The words are as wide as the recording kernel's ``long``; 64 bits unless the text itself shows otherwise cannot
-    be told, so 64 is taken, which is right for everything below bit 32 on both.
+    be determined, so 64 is taken, which is right for everything below bit 32 on both.
     """
     number = 0
     for word in text.split():

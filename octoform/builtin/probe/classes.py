@@ -66,7 +66,7 @@ _UNIQUE = 4
 
 
 def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
-    """Add what the class of ``node`` says about its kind, and the instance facts that stand beside it."""
+    """Add what the class of ``node`` says about its kind, and the instance facts that are beside it."""
     special = SPECIAL.get(node.subsystem)
     if special is not None:
         special(node, reader, uevent)

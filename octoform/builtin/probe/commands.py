@@ -148,7 +148,7 @@ _NOTHING = frozenset(("", "not provided", "unknown", "n/a", "none"))
 
 
 def number(entry: Entry, *keys: str) -> int | None:
-    """The first whole number under one of the keys."""
+    """The first integer under one of the keys."""
     for key in keys:
         value = entry.get(key)
         if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 1 << 64:

@@ -197,7 +197,7 @@ def _is_cell(node: Node, above: Node) -> bool:
 
 
 def _same_product(node: Node, above: Node) -> bool:
-    """A HID device is its transport's own unless it says that it is another product (behind a radio receiver)."""
+    """A HID device is its transport's own unless it states that it is another product (behind a radio receiver)."""
     if node.subsystem != "hid" or above.subsystem == "hid":
         return False
     return (above.vid, above.pid) in (("", ""), (node.vid, node.pid))

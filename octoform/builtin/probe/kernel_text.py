@@ -1,4 +1,4 @@
-"""Makes what a kernel or a device says safe to carry as text: bounded, printable, one line.
+"""Makes what a kernel or a device reports safe to carry as text: bounded, printable, one line.
 
 Device strings are hostile data. Whatever is not printable (control and bidirectional characters, invalid UTF-8,
 unassigned code points) stays visible as an escape, so that a person sees that it was there.

@@ -337,7 +337,7 @@ class Linux:
     """All units of a Linux host; filled by the scans, read when they are over."""
 
     def __init__(self, reader: Reader) -> None:
-        """``reader`` tells which buses and classes there are, and whether this is WSL2."""
+        """``reader`` shows which buses and classes there are, and whether this is WSL2."""
         self._reader = reader
         self._udev = UdevDatabase()
         self._sysfs = Sysfs(self._udev)

@@ -2,7 +2,7 @@
 
 One scan for each report. What a person names (paired devices, network services, volumes, printers, a telephone used as
 a camera) is told by its kind; only the names that hardware gives itself are kept. Written from the recorded form of
-the reports: no Mac has run it yet, and the artifact says so.
+the reports: no Mac has run it yet, and the artifact states that.
 """
 
 import os
@@ -101,7 +101,7 @@ def _usb_unit(entry: Entry, location: int) -> Unit:
 
 
 def _part(entry: Entry, unit: Unit) -> Node | None:
-    """An interface, a serial line or a disk of a USB device; None for what only stands between them."""
+    """An interface, a serial line or a disk of a USB device; None for what only is between them."""
     place = unit.head.path
     index = number(entry, "bInterfaceNumber")
     if index is not None and (triple := _triple(entry, "bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol")):

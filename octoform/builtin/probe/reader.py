@@ -163,7 +163,7 @@ def run_all(scans: list[Scan], reader: Reader, seconds: float = SCAN_SECONDS) ->
 
 
 def run_one(scan: Scan, reader: Reader, seconds: float) -> ScanReport:
-    """Run one scan; ``reader`` is its own, and is told when its time is over."""
+    """Run one scan; ``reader`` is its own, and is reported when its time is over."""
     outcome: list[tuple[str, str]] = []
     started = time.monotonic()
     reader.ends = started + seconds

@@ -63,7 +63,7 @@ def _properties(record: str) -> dict[str, str]:
 
 
 def split_joined(properties: dict[str, str]) -> None:
-    """Replace vendor_model_serial by its name part and the serial number, as far as the two can be told apart."""
+    """Replace vendor_model_serial by its name part and the serial number, as far as the two can be distinguished."""
     joined = properties.pop(JOINED, "")
     head, _, tail = joined.rpartition("_")
     serial = properties.get(SERIAL, "")

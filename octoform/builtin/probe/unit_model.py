@@ -13,7 +13,7 @@ from octoform.builtin.probe import kernel_text as text
 class Node:
     """A device folder of sysfs.
 
-    ``path`` is absolute (``/sys/devices/...``), ``subsystem`` its bus or class. ``member`` says that it belongs to
+    ``path`` is absolute (``/sys/devices/...``), ``subsystem`` its bus or class. ``member`` states that it belongs to
     the nearest device above it (a class device, a USB interface) instead of being a unit. ``lines`` are the
     ``key, value`` facts about its kind; ``kind`` is the part of an id that tells this kind from others, ``title``
     what a person would call it. ``serial``, ``address``, ``size`` and ``attached``
@@ -42,7 +42,7 @@ class Node:
         return self.path.rpartition("/")[2]
 
     def add(self, key: str, text: str) -> None:
-        """One fact, left out when there is nothing to say."""
+        """One fact, omitted when there is nothing to say."""
         if text:
             self.lines.append((key, text))
 

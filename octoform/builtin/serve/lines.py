@@ -1,4 +1,4 @@
-"""The part of the server that speaks line protocols, written from the command grammars of the profiles in the task.
+"""The part of the server that speaks line protocols, written from the protocol definition of the profiles in the task.
 
 Each line that the server can ever send is spelt out in its own code; a caller's values enter it as numbers, or as
 words of a list that the types allow.
@@ -72,7 +72,7 @@ def _said(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
 
 
 def _told(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
-    """A tool that says nothing to the device: what the server itself knows of it, or a stop."""
+    """A tool that sends nothing to the device: what the server itself knows of it, or a stop."""
     if command["do"] == "stop":
         return {"until": quoted(str(grammar["stop"]["until"]))}
     if command["do"] != "position":
@@ -101,7 +101,7 @@ def _wire(line: Mapping[str, Any]) -> dict[str, str]:
 
 
 def _send(command: Mapping[str, Any]) -> str:
-    """The line to send as Python source: a text, or an f-string of the parameters."""
+    """The line to send as Python source: a string, or an f-string of the parameters."""
     pattern, values = str(command.get("send", "")), command.get("parameters", {})
     if not values:
         return quoted(pattern)

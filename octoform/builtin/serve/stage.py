@@ -177,7 +177,10 @@ MOST_LINES = 500
 
 
 def run(task: Task) -> str:
-    """Write server.py; the summary line (``server.py: 9 tools, 213 lines``). TaskRefused says why there can be none."""
+    """Write server.py; the summary line (``server.py: 9 tools, 213 lines``).
+
+    TaskRefused states why there can be none.
+    """
     interface = task.read_input()
     text = render(interface, task.profiles)
     task.write(text)
