@@ -1,1 +1,1 @@
-"""The daemon: notices what happens to a deployment, repairs what can be repaired, and says so when it cannot."""
+"""The daemon: notices what happens to a deployment, repairs what can be repaired, and reports when it cannot."""

@@ -1,7 +1,7 @@
 """Health in one value: what is seen directly, what is wrong, what cannot report. (Light, pure.)
 
 Direct observation comes first: a claim counts only while the newest reading of its signal does not speak against it,
-and no agent's word makes anything healthy. What cannot report is ``unknown``, whoever disabled it.
+and no agent's word makes anything healthy. What cannot report is ``unknown``, no matter who disabled it.
 """
 
 from collections.abc import Iterable, Mapping
@@ -32,7 +32,7 @@ _KINDS: Mapping[Kind, Status] = {
 
 
 class Trouble(Protocol):
-    """An episode, as far as health is concerned."""
+    """An incident, as far as health is concerned."""
 
     @property
     def kind(self) -> Kind:
@@ -194,7 +194,7 @@ def _troubles(episodes: Iterable[Trouble]) -> Iterable[Part]:
 
 
 def _stands(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:
-    """A claim that the newest reading of its own signal contradicts has no say, whoever made it."""
+    """A claim that the newest reading of its own signal contradicts has no say, no matter who made it."""
     reading = latest.get(claim.signal)
     return reading is None or reading.value is None or holds(claim.condition, reading.value) is not False
 

@@ -1,4 +1,4 @@
-"""`octoform watch`: one daemon for the project's host, from its first look until it is told to end. Light."""
+"""`octoform watch`: one daemon for the project's host, from its first look until it is instructed to end. Light."""
 
 import json
 import os
@@ -70,7 +70,7 @@ class Composition:
     notifier: notices.Notifier
 
     def close(self) -> None:
-        """End every child, wait for what they were doing, tell what waits to be told."""
+        """End every child, wait for what they were doing, tell what waits to be reported."""
         self.workers.end()
         self.bench.join(JOIN_SECONDS)
         self.looker.remember()
@@ -119,13 +119,13 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
 
 
 def _claims(wanted: Wanted) -> Settings:
-    """What the ledger is told; while somebody works on the host no other process may change it."""
+    """What the ledger is given; while somebody works on the host no other process may change it."""
     found = settings_of(wanted.layout, float(wanted.daemon.claim_seconds), wanted.bounds)
     return replace(found, shut=lambda: busy(wanted.layout) is not None)
 
 
 def _starting(repair: Callable[[Finding, Repair], Done], looker: Looker) -> Callable[[Finding, Repair], Done]:
-    """Repairs whose starts are known to whoever looks: why the last one failed is a fact like any other."""
+    """Repairs whose starts are known to anyone who looks: why the last one failed is a fact like any other."""
 
     def made(finding: Finding, wanted: Repair) -> Done:
         found = repair(finding, wanted)
@@ -234,7 +234,7 @@ STOPS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 @dataclass(frozen=True, slots=True)
 class Watched:
-    """How it ended: the last round (None: there was none), and the signal that ended it (None: it was done)."""
+    """How it ended: the last check cycle (None: there was none), and the signal that ended it (None: it was done)."""
 
     host: str
     last: Round | None
@@ -247,7 +247,7 @@ def watch(
     """Keep the deployment alive until a signal comes; with ``once`` do what is due and come back.
 
     ``project`` is the folder of octopus.yaml; what changes there is taken up as soon as no repair is under way.
-    ``view`` is called at the end of each round. DAEMON-RUNNING when the host has a daemon already;
+    ``view`` is called at the end of each check cycle. DAEMON-RUNNING when the host has a daemon already;
     ENDPOINT-NOT-APPLIED before the first apply.
     """
     folder = project.absolute()
@@ -266,7 +266,7 @@ def watch(
 
 
 class _Stopping:
-    """What a signal says to the loop, whichever one runs."""
+    """What a signal means to the loop, whichever one runs."""
 
     def __init__(self) -> None:
         self.number: int | None = None
@@ -300,7 +300,7 @@ class _Shown:
         """The daemon that took this one's place, when somebody deleted what said that there was one."""
 
     def __call__(self, made: Round) -> None:
-        """Show a round; let the loop end when it has to begin anew."""
+        """Show a check cycle; let the loop end when it has to begin again."""
         self.last = made
         self._view(made)
         self._record(made)
@@ -325,7 +325,7 @@ class _Shown:
         self._unwritten = problem
 
     def _listens(self) -> None:
-        """Let the next round say that folders are not watched, when that is another number than before."""
+        """Let the next check cycle say that folders are not watched, when that is another number than before."""
         if self.running is None:
             return
         unwatched = self.running.sources.unwatched
@@ -343,7 +343,7 @@ class _Shown:
 
 
 def _doings(made: Round) -> Iterator[dict[str, object]]:
-    """What one round noticed, began, tried and saw the end of, as lines of the execution log."""
+    """What one check cycle noticed, began, tried and saw the end of, as lines of the execution log."""
     told = {"time": made.facts.stamp, "from": "daemon"}
     for episode in made.opened:
         yield {"event": "noticed", **told, "target": episode.target, "summary": episode.summary}
@@ -401,7 +401,10 @@ def _run(
     stopping: _Stopping,
     how: tuple[bool, Diagnostic | None],
 ) -> Diagnostic | None:
-    """One composition from its first look to its end; why there can be none. ``how``: once, and what is to be said."""
+    """One composition from its first look to its end; why there can be none.
+
+    ``how``: once, and what is to be stated.
+    """
     once, said = how
     workers = Workers(found.layout.project, environ)
     try:

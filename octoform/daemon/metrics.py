@@ -28,7 +28,7 @@ Tally: TypeAlias = "Counter[tuple[str, ...]]"
 class Picture:
     """What is counted. ``episodes`` are all that are kept, ``frozen`` counts breakers.
 
-    ``now`` is the wall clock's epoch, ``untold`` counts messages that reached nobody.
+    ``now`` is the wall clock's epoch, ``untold`` counts messages that reached no one.
     """
 
     health: Health

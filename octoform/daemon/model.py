@@ -1,8 +1,8 @@
 """What the daemon sees, finds, does and remembers, as values. Light: nothing here opens a file or reads a clock.
 
-One round is always the same: *facts* are looked at, *findings* are judged from them, each finding has at most one
-*repair*, and what a repair was worth is seen from the next facts, never from its own word. All rounds of one trouble
-are one *episode*.
+One check cycle is always the same: *facts* are looked at, *findings* are judged from them, each finding has at most one
+*repair*, and what a repair was worth is seen from the next facts, never from its own word. All check cycles of one
+problem are one *incident*.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -17,7 +17,7 @@ from octoform.endpoint.process.record import Running
 
 
 class Cause(StrEnum):
-    """Why a round is made. Everything but ``interval`` and ``retry`` is an event; these two are the fallback."""
+    """Why a check cycle is made. Everything but ``interval`` and ``retry`` is an event; these two are the fallback."""
 
     START = "start"
     PROCESS = "process"
@@ -82,7 +82,7 @@ class Kind(StrEnum):
 
 
 class Repair(StrEnum):
-    """What is done about a finding; a closed list. ``person`` means that nothing is, and that it is surfaced."""
+    """What is done about a finding; a closed list. ``person`` means that nothing is, and that it is escalated."""
 
     NONE = "none"
     RESTART = "restart"
@@ -101,7 +101,7 @@ class Repair(StrEnum):
     ROLL_BACK = "roll_back"
     """Take back what HEAL changed, because the readings after it are worse."""
     WAIT = "wait"
-    """Only the world can mend it (a device that was pulled): said once, closed when it is over."""
+    """Only the world can fix it (a device that was pulled): said once, closed when it is over."""
     PERSON = "person"
 
 
@@ -116,7 +116,7 @@ class Status(StrEnum):
 
 
 class Outcome(StrEnum):
-    """How an episode stands or ended."""
+    """How an incident stands or ended."""
 
     OPEN = "open"
     REPAIRED = "repaired"
@@ -129,12 +129,12 @@ class Outcome(StrEnum):
 
 
 ANY = ("whatever it says",)
-"""The evidence of all troubles of one target and class."""
+"""The evidence of all problems of one target and class."""
 
 
 @dataclass(frozen=True, slots=True)
 class Sighting:
-    """Where a device is: ``there`` is None when that cannot be told. ``place`` is its place in sysfs (instance).
+    """Where a device is: ``there`` is None when that cannot be determined. ``place`` is its place in sysfs (instance).
 
     ``recorded`` is the place that the ledger of instances has for it, in the same form (None: none is written down).
     ``refused`` is a sentence on a node of it that this user may not use.
@@ -167,7 +167,7 @@ class Facts:
     host: str
     applied: bool = True
     destroyed: bool = False
-    """Nothing is applied, and the state says the same: no endpoint was lost."""
+    """Nothing is applied, and the state states the same: no endpoint was lost."""
     busy: str | None = None
     stopped_by: str | None = None
     process: Running | None = None
@@ -199,7 +199,7 @@ class Finding:
 
     ``target`` names it for a person and a program: ``endpoint``, ``tool:camera_capture``, ``device:usb-045e-0772``,
     ``file:state/bench/serve/server.py``, ``package:opencv-python``, ``hardware``, ``disk``, ``log:octoform.jsonl``.
-    ``evidence`` is what does not change from one look to the next as long as it is the same trouble: no time, no pid,
+    ``evidence`` is what does not change from one look to the next as long as it is the same problem: no time, no pid,
     no counter. ``repair`` is the first one to be tried, ``then`` the ones after it failed.
     """
 
@@ -257,7 +257,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """What a person is told: an episode that opened, was repaired, froze, or waits for them."""
+    """What a person is notified: an incident that opened, was repaired, froze, or waits for them."""
 
     event: str
     """``opened``, ``repaired``, ``cleared``, ``frozen``, ``surfaced``, ``confirm``, ``asks``."""
@@ -312,7 +312,7 @@ class Repairer(Protocol):
 
 
 Sample = Callable[[], Iterable[Reading]]
-"""Fresh readings of one channel; what cannot be read is a reading of ``None``, never left out."""
+"""Fresh readings of one channel; what cannot be read is a reading of ``None``, never omitted."""
 Promised = Callable[[], frozenset[Signal]]
 """What ought to report: each reading tool, and the camera where it may be looked through; without a path."""
 Notify = Callable[[Alert], None]

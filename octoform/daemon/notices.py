@@ -1,9 +1,9 @@
-"""Who hears of an episode: a program, a webhook, the desktop. None of them can hold the daemon up.
+"""Who hears of an incident: a program, a webhook, the desktop. None of them can hold the daemon up.
 
 Each way has its own queue and its own thread, and every message is carried by a child process with a time limit: a
 slow name server or a program that hangs costs that child and nothing else, and the libraries that a POST needs never
-stay in the daemon. What could not be told is kept and shown (`octoform health`), since nobody may believe that somebody
-was told. The webhook's URL is resolved for its child alone and stands in no argument, log or file. Light.
+stay in the daemon. What could not be told is kept and shown (`octoform health`), since no one may believe that somebody
+was notified. The webhook's URL is resolved for its child alone and is in no argument, log or file. Light.
 """
 
 import contextlib
@@ -38,7 +38,7 @@ SECONDS = 10.0
 WAITS = (5.0, 30.0)
 """Seconds before it is tried again."""
 MOST = 50
-"""Messages of one way that may wait; when there are more, the oldest is given up, and that is said."""
+"""Messages of one way that may wait; when there are more, the oldest is given up, and that is stated."""
 _LISTEN_SECONDS = 0.05
 FILE = "notified.json"
 LONGEST = 300
@@ -183,7 +183,7 @@ class _Way:
 
 
 class _Record:
-    """Which ways fail, for whoever asks how the host is."""
+    """Which ways fail, for anyone who asks how the host is."""
 
     def __init__(self, shelf: Shelf) -> None:
         self._shelf = shelf
@@ -239,7 +239,7 @@ class Webhook:
 
 
 class Desktop:
-    """Tells the session of whoever runs the daemon."""
+    """Tells the session of anyone who runs the daemon."""
 
     def __init__(self, environ: Mapping[str, str]) -> None:
         self._environ = _only(environ, _DESKTOP)
@@ -257,8 +257,8 @@ class Desktop:
 def run(argv: Sequence[str], data: bytes, environ: Mapping[str, str], folder: Path) -> str | None:
     """Run a program to its end, at most `SECONDS`; None when it succeeded, else why not, bounded and redacted.
 
-    What it is given is a file and what it says is thrown away but for the end: a child that reads nothing and one that
-    prints for ever both come to their end, and fill no disk.
+    What it is given is a file and what it prints is thrown away but for the end: a child that reads nothing and one
+    that prints permanently both come to their end, and fill no disk.
     """
     with tempfile.TemporaryFile() as given:
         given.write(data)

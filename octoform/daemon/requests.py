@@ -29,7 +29,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class GivenUp:
-    """What waits for a person: troubles that last and were given up, and the targets of all that last."""
+    """What waits for a person: problems that last and were given up, and the targets of all that last."""
 
     frozen: tuple[Breaker, ...] = ()
     targets: tuple[str, ...] = ()
@@ -53,7 +53,8 @@ def given_up(layout: Layout) -> GivenUp:
 def retry(layout: Layout, known: GivenUp, target: str | None) -> tuple[tuple[str, ...], Diagnostic | None]:
     """Ask for one look, and for another try of ``target`` (`ALL`: of everything); the targets that it is about.
 
-    DAEMON-NO-SUCH-TROUBLE for a target that has none. A daemon that lives takes it up at once, else the next one does.
+    DAEMON-NO-SUCH-A problem for a target that has none. A daemon that lives takes it up at once, else the next one
+    does.
     """
     if target is None:
         return (), instance_lock.ask(layout, ())

@@ -1,4 +1,4 @@
-"""What ought to report, and what does: health needs it, and an agent is told of it."""
+"""What ought to report, and what does: health needs it, and an agent is informed of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -50,7 +50,7 @@ def silent(
 
 
 def reporting(readings: Iterable[Reading]) -> frozenset[Signal]:
-    """The signals of sensors whose last reading has a value and whose unit is not left out."""
+    """The signals of sensors whose last reading has a value and whose unit is not omitted."""
     latest = newest(readings)
     left_out = {(source, path) for source, path, _ in _skipped(latest)}
     left_out |= {(source, path) for source, path, _ in _failed(latest) if not path}
@@ -65,7 +65,7 @@ def reporting(readings: Iterable[Reading]) -> frozenset[Signal]:
 
 
 def answered(readings: Iterable[Reading]) -> frozenset[Signal]:
-    """The signals of sensors that have no value now, and whose result says why it is not known."""
+    """The signals of sensors that have no value now, and whose result states why it is not known."""
     latest = newest(readings)
     told = {
         (signal.source, signal.path.removesuffix(UNKNOWN), reading.uptime)
@@ -160,7 +160,7 @@ class _Wanted:
 
 
 def current(readings: Iterable[Reading], layout: Layout, wanted: Iterable[Signal] = ()) -> list[Reading]:
-    """These without the ones of what nobody wants to know any more; ``wanted`` is what ought to report (`Promised`).
+    """These without the ones of what no one wants to know any more; ``wanted`` is what ought to report (`Promised`).
 
     All of them but pictures where it cannot be read which tools there are.
     """
@@ -225,7 +225,7 @@ def _is_there(reading: Reading, tools: Mapping[str, Any], newest: str, made: str
 
 
 def _made(layout: Layout) -> str:
-    """When the tools were last made anew, as stamps of readings are written; empty where that is not known."""
+    """When the tools were last made again, as stamps of readings are written; empty where that is not known."""
     try:
         seconds = layout.output("interface").stat().st_mtime
     except OSError:

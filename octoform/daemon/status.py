@@ -1,8 +1,8 @@
 """How a deployment is, for a person who asks: from the daemon while it lives and is fresh, else from a look of our own.
 
-A record that outlived its daemon says how things were, never how they are; so without a daemon everything is looked at
-here and now, the reading tools are called, and nothing of it is written down: what the next daemon has not read of the
-logs is still new to it.
+A record that outlived its daemon reports how things were, never how they are; so without a daemon everything is looked
+at here and now, the reading tools are called, and nothing of it is written down: what the next daemon has not read of
+the logs is still new to it.
 """
 
 import os
@@ -52,8 +52,8 @@ _FULL = frozenset({Cause.START})
 class Trouble:
     """One thing that is wrong now. ``episode`` is what the daemon noted of it (None: it was seen just now, by us).
 
-    ``waits`` says why nothing is done about it at the moment, ``do`` is what a person can do, a command where there is
-    one; empty where there is nothing to be done.
+    ``waits`` states why nothing is done about it at the moment, ``do`` is what a person can do, a command where there
+    is one; empty where there is nothing to be done.
     """
 
     target: str
@@ -69,7 +69,7 @@ class Survey:
     """How a host is. ``watched`` is the daemon that lives; ``looked`` is True where we looked ourselves.
 
     ``paused`` is since when repairs are paused, empty where that is not known, None when they are not. ``todo`` are
-    things that wait for a person and belong to no trouble: (command, why). ``untold`` are ways of telling that fail.
+    things that wait for a person and belong to no problem: (command, why). ``untold`` are ways of telling that fail.
     ``recorded`` is the folder of a recorded host.
     """
 
@@ -188,7 +188,7 @@ def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[
 
 
 def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[Episode]:
-    """The troubles that our own look finds, each with what the daemon noted of it; and what only an agent knows of."""
+    """The problems that our own look finds, each with what the daemon noted of it; and what only an agent knows of."""
     noted = {each.key: each for each in known.episodes if not each.over}
     seen = {each.key: noted.get(each.key) or _episode(each) for each in findings}
     if facts.busy is not None:  # while somebody works on the host nothing is judged
@@ -197,7 +197,7 @@ def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[E
 
 
 def _episode(finding: Finding) -> Episode:
-    """A trouble that nobody has noted: it has no beginning."""
+    """A problem that no one has noted: it has no beginning."""
     chain = tuple(repair.value for repair in (finding.repair, *finding.then))
     outcome = Outcome.SURFACED if finding.repair is Repair.PERSON else Outcome.OPEN
     return Episode(

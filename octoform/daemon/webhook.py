@@ -16,7 +16,7 @@ from octoform.base.files import parse
 
 
 class _NoRedirects(HTTPRedirectHandler):
-    """Where a message goes is what the manifest says, and nobody else."""
+    """Only the manifest states where a message goes."""
 
     def redirect_request(
         self, req: Request, fp: IO[bytes], code: int, msg: str, headers: HTTPMessage, newurl: str
@@ -53,7 +53,7 @@ def _reason(problem: object) -> str:
 
 
 def main() -> int:
-    """Post what standard input says."""
+    """Post what standard input has."""
     asked = parse(sys.stdin.buffer.read())
     why = post(asked["url"], asked["body"], asked["seconds"])
     if why is not None:

@@ -161,7 +161,7 @@ def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
 
 
 def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
-    """Kill every process that bears the mark, ``spared`` left out; how many there were."""
+    """Kill every process that bears the mark, ``spared`` omitted; how many there were."""
     killed: set[int] = set()
     while found := [pid for pid in marked(mark, variable) if pid not in killed and pid != spared]:
         for pid in found:

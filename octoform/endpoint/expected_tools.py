@@ -35,7 +35,7 @@ def hidden(layout: Layout) -> frozenset[str]:
 
 
 def untried(layout: Layout) -> frozenset[str]:
-    """The tools that nothing calls without a person: they write to a line of which nobody says what is at its end."""
+    """The tools that nothing calls without a person: they write to a line of which no one states what is at its end."""
     tools = (read_policy(layout) or {"tools": {}})["tools"]
     return frozenset(name for name, tool in tools.items() if tool.get("source") == LINE)
 

@@ -1,6 +1,6 @@
 """The two logs of the endpoint as lines in one order: the calls, and what its process printed. Light.
 
-A log may be cut, replaced or taken away while it is followed; no event of the system tells of that in Python's own
+A log may be cut, replaced or taken away while it is followed; no event of the system shows that in Python's own
 library, so the files are looked at again and again. Secrets are taken out where the bytes are read, over line ends
 too, before anything else sees them.
 """
@@ -30,7 +30,7 @@ _STAMP = re.compile(r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]
 
 @dataclass(frozen=True, slots=True)
 class Line:
-    """A line of a log: when (seconds since 1970), of which log, as it stands there and as the object that it is.
+    """A line of a log: when (seconds since 1970), of which log, as it is there and as the object that it is.
 
     The time of a line without one is that of the line before it, or when it was seen.
     """
@@ -122,7 +122,7 @@ class Tail:
         return Line(at or self._at or self._seen(), self.log, text, record)
 
     def _seen(self) -> float:
-        """When the file was last written, for what says nothing of its time."""
+        """When the file was last written, for what states nothing about its time."""
         return os.fstat(self._file.fileno()).st_mtime if self._file else time.time()
 
 

@@ -2,8 +2,8 @@
 
 A pipe that outlives the process behind it must know three things: what the client still waits for, how it introduced
 itself, and what it was asked and has not answered. Nothing that a device may have been told is ever said twice: such a
-request is answered with an error that says so. Messages are kept as bytes and looked into only now and then, so that
-whoever just passes them on loads and does nothing.
+request is answered with an error that states that. Messages are kept as bytes and looked into only now and then, so
+that whoever just passes them on loads and does nothing.
 """
 
 import os
@@ -252,7 +252,7 @@ class Up:
         self._parts: list[bytes] = []
         self._part_bytes = 0
         self._ahead: deque[bytes] = deque()
-        """What this endpoint is told in the client's name, before anything of the client's own."""
+        """What this endpoint is sent in the client's name, before anything of the client's own."""
         self._lines: deque[bytes] = deque()
         self._bytes = 0
         self._current, self._own, self._gone = b"", False, 0
@@ -274,7 +274,7 @@ class Up:
         return self._bytes >= MOST_WAITING
 
     def fill(self) -> None:
-        """Take what the client says now."""
+        """Take what the client reports now."""
         part = read(self.source)
         if part is None:
             return

@@ -132,7 +132,7 @@ def _bounded(bound: Bound) -> tuple[str, ...]:
 
 
 def _inherent(goal: Mapping[str, Any], unit: str) -> tuple[float | None, float | None]:
-    """Where the tool itself never leaves: its one place, or the range that INTERFACE says."""
+    """Where the tool itself never leaves: its one place, or the range that INTERFACE states."""
     if unit in goal.get("fixed", {}):
         return goal["fixed"][unit], goal["fixed"][unit]
     return goal.get("minimum"), goal.get("maximum")
@@ -153,7 +153,7 @@ def _range_source(found: Range) -> str:
 FORMAT = 1
 INTERFACE = "the interface of the tool"
 LINE = "it can write to a line without a profile"
-"""Whose decision it is that a person is asked, whatever the effect: nobody knows what such a device does."""
+"""Whose decision it is that a person is asked, whatever the effect: no one knows what such a device does."""
 Holding = Sequence["tuple[Profile, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""
 Places = Mapping[Place, Range]
@@ -188,7 +188,7 @@ def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding, writing: Co
 
 
 def places_of(policy: Policy, tools: Iterable[Tool], holding: Holding) -> Places:
-    """The range of each unit's place, whoever limits it and for whichever tool."""
+    """The range of each unit's place, no matter who limits it and for whichever tool."""
     return ranges(
         Bound(tool, limit.parameter, limit.minimum, limit.maximum, f"{claim.source}, for {tool['name']}", limit.units)
         for tool in tools
@@ -354,7 +354,7 @@ def _zeros(found: Iterable[Claim]) -> list[str]:
 
 
 def tightest(found: Iterable[Claim], bound: str) -> Claim | None:
-    """The claim with the tightest value of a bound, the first of equal ones; None when nobody speaks of it."""
+    """The claim with the tightest value of a bound, the first of equal ones; None when no one speaks of it."""
     given = [claim for claim in found if getattr(claim.limit, bound) is not None]
     sign = -1 if bound == "minimum" else 1
     return min(given, key=lambda claim: sign * getattr(claim.limit, bound), default=None)

@@ -1,6 +1,6 @@
 """Write what a client needs to reach the server: descriptor, client snippets, and last the launcher.
 
-The order matters: whoever finds a launcher finds a complete endpoint. The manifest written at the very end holds
+The order matters: anyone who finds a launcher finds a complete endpoint. The manifest written at the very end holds
 the digests of all these files, so that a plan sees when one was edited or lost.
 """
 
@@ -136,7 +136,7 @@ def write_endpoint(
 
 
 def _remove_former(program: Path, names: Iterable[str]) -> None:
-    """Folders of an earlier octoform in which none of these files lies: nobody imports them, and nobody checks them."""
+    """Folders of an earlier octoform in which none of these files lies: no one imports them, and no one checks them."""
     held = {program.parent / above for name in names for above in PurePosixPath(name).parents}
     for place in list(program.rglob("*")):
         if place not in held and place.name != "__pycache__" and place.is_dir() and not place.is_symlink():
@@ -260,7 +260,7 @@ def remove(layout: Layout) -> list[Path]:
 
     The launcher goes first, so that no client starts a server from what is being removed; then the process is ended,
     and its tokens and counters go with it. The logs stay, and so do an emergency stop and the stop of a device: what
-    was stopped for a reason must not move after the next apply because nobody remembers it. OSError when the system
+    was stopped for a reason must not move after the next apply because no one remembers it. OSError when the system
     refuses.
     """
     folder = layout.endpoint

@@ -50,7 +50,7 @@ _POLICY = {"mode": (str, None), "tools": {str: _TOOL}}
 
 
 def files_below(folder: Path) -> dict[str, str]:
-    """Relative name to digest of all files below ``folder``, bytecode left out; empty when there is no folder.
+    """Relative name to digest of all files below ``folder``, bytecode omitted; empty when there is no folder.
 
     The digest is empty where a file cannot be read: an editor leaves links there that lead nowhere.
     """

@@ -1,6 +1,6 @@
 """Connect to the sockets of a running endpoint, also where its folder has a long name. Light.
 
-A connection alone proves nothing: the kernel makes it for whoever still has the socket open, also for a process that
+A connection alone proves nothing: the kernel makes it for anyone who still has the socket open, also for a process that
 is being killed at this moment and will never take it. So the endpoint greets each client as it takes it, and what was
 never greeted was never served.
 """
@@ -12,7 +12,7 @@ import socket
 LONGEST = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 GREETING = b"\n"
-"""What the endpoint says first to each client: a line without a message, which every reader of lines passes over."""
+"""What the endpoint reports first to each client: a line without a message, which every reader of lines passes over."""
 
 
 def connect(path: str | os.PathLike[str], seconds: float) -> socket.socket:
@@ -30,7 +30,8 @@ def connect(path: str | os.PathLike[str], seconds: float) -> socket.socket:
 def greeted(path: str | os.PathLike[str], seconds: float) -> socket.socket:
     """A connected socket of an endpoint that has taken this client; OSError when nothing there takes any.
 
-    One that says nothing for so many seconds may be slow, and is returned as it is: its greeting comes later or never.
+    One that sends nothing for so many seconds may be slow, and is returned as it is: its greeting comes later or
+    never.
     """
     client = connect(path, seconds)
     try:

@@ -26,10 +26,10 @@ REFUSAL_SECONDS = 2.0
 Again = Callable[[bool], "socket.socket | str | None"]
 """Another connection, asked for again and again and told whether the client waits; it must return at once.
 
-None: there is none yet. A text: there is none, and why. An empty text: there will be none, as somebody wants.
+None: there is none yet. A string: there is none, and why. An empty text: there will be none, as somebody wants.
 """
 Returning = Callable[[], Again]
-"""Made when an endpoint has ended for the first time, so that nobody else loads what it needs."""
+"""Made when an endpoint has ended for the first time, so that no one else loads what it needs."""
 
 
 def pipe(connection: socket.socket, stdin: int = 0, stdout: int = 1, again: Returning | None = None) -> bool:
@@ -145,7 +145,7 @@ class _Pipe:
         return None
 
     def _refuse(self, why: str) -> None:
-        """Answer what waits for an endpoint; a notification has nobody who waits for it."""
+        """Answer what waits for an endpoint; a notification has no one who waits for it."""
         answers = (self._conversation.refused(line, why) for line in self._up.taken())
         self._down.tell([answer for answer in answers if answer is not None])
 

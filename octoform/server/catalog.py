@@ -1,7 +1,7 @@
 """Everything that makes the endpoint good to talk to, put together around one server.
 
-What a client is told (tools, resources) and when it is told anew (a device came or went, a picture was taken) hang
-together; whether a call is let through is the gate's question and not asked here.
+What a client is notified (tools, resources) and when it is notified again (a device came or went, a picture was taken)
+hang together; whether a call is let through is the gate's question and not asked here.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -39,7 +39,7 @@ from octoform.server.resources import DEVICES, FRAMES, Frames, Resources
 EFFECT = "octoform/effect"
 ABSENT = "octoform/absent"
 WORST = {"readOnlyHint": False, "destructiveHint": True, "idempotentHint": False, "openWorldHint": True}
-"""What the protocol assumes of a tool that says nothing."""
+"""What the protocol assumes of a tool that declares nothing."""
 
 
 class Listing(Middleware):

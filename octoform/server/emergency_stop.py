@@ -29,16 +29,16 @@ from octoform.server.policy.tool_policy import Policy, StopAction
 SECONDS = 2.0
 """What one stop action may take."""
 ENDING = 2.0
-"""Seconds that interrupted code has to end in before the answer says that it has not."""
+"""Seconds that interrupted code has to end in before the answer states that it has not."""
 _ENGAGE_WAIT, _CLEAR_WAIT = 0.2, 2.0
 _PAUSE, _LATER = 0.005, 0.05
 
 Find = Callable[[str, str], str]
-"""Device id and class to the path of the device's node; raises what says that there is none."""
+"""Device id and class to the path of the device's node; raises what states that there is none."""
 
 
 class Running(Protocol):
-    """The code of a call that was told to stop; ``over`` once none of it runs any more, asked from any thread."""
+    """The code of a call that was instructed to stop; ``over`` once none of it runs any more, asked from any thread."""
 
     tool: str
 
@@ -63,9 +63,9 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """What an emergency stop needs. ``audit`` is None where the log cannot be opened; ``problems`` says why.
+    """What an emergency stop needs. ``audit`` is None where the log cannot be opened; ``problems`` states why.
 
-    ``unwritten`` says what it means here when the latch cannot be written.
+    ``unwritten`` states what it means here when the latch cannot be written.
     """
 
     latch: Latch
@@ -79,8 +79,8 @@ class Emergency:
     ) -> dict[str, Any]:
         """Latch, interrupt what moves, run the stop actions, record, run the actions again as what moved has ended.
 
-        The answer: ``ok`` (latched, every action done, nothing goes on, nothing wrong), ``latched``, ``estop`` (by,
-        reason, since; the first one's where it was latched already), ``stopped`` (of the last time that each action
+        The answer: ``ok`` (engaged, every action done, nothing goes on, nothing wrong), ``latched``, ``estop`` (by,
+        reason, since; the first one's where it was engaged already), ``stopped`` (of the last time that each action
         was run), ``problems`` (sentences).
         """
         problems = list(self.problems)
@@ -117,7 +117,7 @@ class Emergency:
         }
 
     def _later(self, left: "list[Running]", act: "Callable[[], list[_Job]]", by: str) -> None:
-        """Nobody waits any more, but what ends while the latch is closed ends with the stop bytes."""
+        """No one waits any more, but what ends while the latch is closed ends with the stop bytes."""
         while left and self.latch.engaged() is not None:
             going = [each for each in left if not each.over]
             if len(going) < len(left):
@@ -126,7 +126,7 @@ class Emergency:
             time.sleep(_LATER)
 
     def clear(self, by: str) -> dict[str, Any]:
-        """Open the latch, once that is recorded. The answer: ``ok``, ``latched``, ``estop`` (what had latched it, or
+        """Open the latch, once that is recorded. The answer: ``ok``, ``latched``, ``estop`` (what had engaged it, or
         None), ``problems``."""
         problems = list(self.problems)
         with self.latch.held(_CLEAR_WAIT) as alone:
@@ -183,8 +183,8 @@ def run(policy: Policy, find: "Find | None" = None, seconds: float = SECONDS) ->
 def node_of(device: str, kind: str) -> str:
     """The node of a device as the runtime finds it now; its faults say what is missing.
 
-    Of several equal devices in doubt it takes the one that the ordinal says: stop bytes hold for the kind, so stopping
-    one too many is better than none.
+    Of several equal devices in doubt it takes the one that the ordinal states: stop bytes hold for the kind, so
+    stopping one too many is better than none.
     """
     runtime = importlib.import_module("runtime")
     return str(runtime.device(device).node(kind))
@@ -192,7 +192,7 @@ def node_of(device: str, kind: str) -> str:
 
 @dataclass(slots=True)
 class _Job:
-    """One action under way. ``doing`` says how far it came, for the case that it never ends."""
+    """One action under way. ``doing`` states how far it came, for the case that it never ends."""
 
     action: StopAction
     doing: str = "waiting for the device's other stop action"

@@ -1,7 +1,7 @@
 """The emergency stop's latch: a file, because it has to outlive the process and be seen by every other one.
 
-The gate asks at every call, so asking costs one look at the file's status. Whatever stands at that place counts as
-latched, readable or not: a damaged latch must never set an arm free. Latching never waits for anything; clearing does.
+The gate asks at every call, so asking costs one look at the file's status. Whatever is at that place counts as
+engaged, readable or not: a damaged latch must never set an arm free. Latching never waits for anything; clearing does.
 """
 
 import contextlib
@@ -22,7 +22,7 @@ _SIZE = 16 * 1024
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """Who latched it, why, and since when (UTC, ISO 8601). An unreadable latch says so in ``reason``."""
+    """Who engaged it, why, and since when (UTC, ISO 8601). An unreadable latch states that in ``reason``."""
 
     by: str
     reason: str
@@ -41,7 +41,7 @@ class Latch:
         """Why the latch that this object made says neither who nor why; None when it does."""
 
     def engaged(self) -> Estop | None:
-        """What latched it; None when it is open. A place that cannot be looked at counts as latched."""
+        """What engaged it; None when it is open. A place that cannot be looked at counts as engaged."""
         try:
             status = os.lstat(self._place)
         except FileNotFoundError:
@@ -55,7 +55,7 @@ class Latch:
         return seen[1]
 
     def engage(self, by: str, reason: str) -> Estop:
-        """Latch it at once; one that is latched already stays as it is. What latched it comes back.
+        """Latch it at once; one that is engaged already stays as it is. What engaged it comes back.
 
         OSError when no file can be made; the latch then holds in this object, hence in this process alone.
         """
@@ -78,7 +78,7 @@ class Latch:
                 os.close(descriptor)
 
     def clear(self, by: str) -> Estop | None:
-        """Open it and give back what had latched it; None when it was open. OSError when the file cannot go.
+        """Open it and give back what had engaged it; None when it was open. OSError when the file cannot go.
 
         ``by`` may not be empty: somebody has to answer for it, and the caller records who.
         """
@@ -94,7 +94,7 @@ class Latch:
     def held(self, seconds: float) -> Iterator[bool]:
         """Changes of the latch and their records in one order: True inside while no other holds this.
 
-        Waits up to ``seconds``, then goes on with False: an emergency stop waits for nobody.
+        Waits up to ``seconds``, then goes on with False: an emergency stop waits for no one.
         """
         try:
             private_folder(self.path.parent)

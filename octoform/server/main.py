@@ -69,7 +69,7 @@ def _look_through(folder: Path, descriptor: int) -> None:
 REFUSED = 78
 """Exit status for a configuration that may not be served (EX_CONFIG)."""
 FAILED = 70
-"""Exit status when it served and could not go on (EX_SOFTWARE): whoever supervises it starts it again."""
+"""Exit status when it served and could not go on (EX_SOFTWARE): anyone who supervises it starts it again."""
 TAKEN = 75
 """Exit status when another process owns the endpoint (EX_TEMPFAIL)."""
 

@@ -2,7 +2,7 @@
 
 The two protocol eras want it in two ways, and FastMCP serves neither by itself. Clients of the handshake era are
 remembered, weakly, and written to; clients of the later one open a `subscriptions/listen` stream and get what they
-asked for. A client that does not read is given up, so that it holds up nobody else.
+asked for. A client that does not read is given up, so that it holds up no one else.
 """
 
 import asyncio
@@ -47,7 +47,7 @@ Message = tuple[str, str | None]
 
 
 class Changes:
-    """The notifications of one server (FastMCP). ``readable`` says which URIs the caller of a request may know of.
+    """The notifications of one server (FastMCP). ``readable`` states which URIs the caller of a request may know of.
 
     ``tools``, ``resources`` and ``updated`` may be called from any thread. They return at once and send later.
     """
@@ -78,7 +78,7 @@ class Changes:
         self._announce(ResourcesListChanged())
 
     def updated(self, uri: str) -> None:
-        """A resource has new content; only who subscribed to it is told."""
+        """A resource has new content; only who subscribed to it is notified."""
         self._announce(ResourceUpdated(uri=uri))
 
     def close(self) -> None:

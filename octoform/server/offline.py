@@ -81,7 +81,7 @@ def _note(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _emergency(folder: Path, *, stopping: bool) -> Any:
-    """All that there is: what cannot be had is told, and hinders nothing else."""
+    """All that there is: what cannot be had is reported, and hinders nothing else."""
     latch, policy = _module("latch"), _module("policy.tool_policy")
     problems: list[str] = []
     try:
@@ -99,7 +99,7 @@ def _emergency(folder: Path, *, stopping: bool) -> Any:
 
 
 def _runtime(folder: Path) -> None:
-    """Make the package ``runtime`` importable, and tell it which specimen each device id is."""
+    """Make the package ``runtime`` importable, and tell it which unit each device id is."""
     document = _connection(folder)
     server = Path(str(document.get("server", {}).get("path", "")))
     for place in (Path(__file__).resolve().parent.parent / "runtime", server.parent / "runtime"):

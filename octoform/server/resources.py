@@ -77,7 +77,7 @@ class Frames:
 
 
 class Resources(Middleware):
-    """Serves them beside the generated server's own. ``visible`` says which tools the caller is shown."""
+    """Serves them beside the generated server's own. ``visible`` states which tools the caller is shown."""
 
     def __init__(
         self,

@@ -95,7 +95,7 @@ class Endpoint:
     async def serve(self) -> None:
         """Open the doors, record who serves, wait for the word to stop, close them.
 
-        DoorFailedError, after all is closed in order, when one of them ended by itself: what answers nobody must not
+        DoorFailedError, after all is closed in order, when one of them ended by itself: what answers no one must not
         live on and own the devices.
         """
         stopping = asyncio.Event()
@@ -131,7 +131,7 @@ class Endpoint:
             raise DoorFailedError(failed)
 
     async def _told_to_stop(self, stopping: asyncio.Event, doors: Sequence["asyncio.Future[None]"]) -> str:
-        """Wait for the word, or until nobody could say it any more because the record of this process is gone.
+        """Wait for the word, or until no one could say it any more because the record of this process is gone.
 
         Empty, or which door ended before.
         """
@@ -250,7 +250,7 @@ class Endpoint:
 
 
 async def _ended(halted: Sequence[Running]) -> None:
-    """Wait, but not for ever, until what was interrupted has ended: its code may have to make its device stand."""
+    """Wait, but not permanently, until what was interrupted has ended: its code may have to make its device stand."""
     end = time.monotonic() + ENDING
     while time.monotonic() < end and not all(each.over for each in halted):
         await asyncio.sleep(PAUSE_SECONDS)

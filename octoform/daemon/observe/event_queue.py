@@ -1,8 +1,8 @@
 """One wait for everything that can happen to a deployment. (Light.)
 
 The kernel wakes it; nothing is polled but where an ear has no other way. A burst of events comes as one reason to look.
-The end of the process is told at once and alone, since a look at everything else takes time in which it could be
-started again. All the rest is told when it has been quiet for a moment.
+The end of the process is reported at once and alone, since a look at everything else takes time in which it could be
+started again. All the rest is reported when it has been quiet for a moment.
 """
 
 import os

@@ -147,7 +147,7 @@ class FolderEar:
         self._inotify.close()
 
     def _lost(self, number: int) -> None:
-        """The folder itself is gone or was moved away: another one may stand in its place later."""
+        """The folder itself is gone or was moved away: another one may be in its place later."""
         self._stale = True
         self._watches.pop(number, None)
         with suppress(OSError):
@@ -169,7 +169,7 @@ LOOK_SECONDS = 5.0
 
 
 class Unwatched:
-    """An ear for the folders that others could not watch; says nothing while there is none."""
+    """An ear for the folders that others could not watch; states nothing while there is none."""
 
     hold = 0.0
 
@@ -198,7 +198,7 @@ class Unwatched:
         """There is nothing to let go of."""
 
     def told(self) -> Diagnostic | None:
-        """What a person is told of it; None where every folder is watched."""
+        """What a person is notified of it; None where every folder is watched."""
         if not self.folders:
             return None
         summary = f"{self.folders} folders are looked at every {LOOK_SECONDS:g} s only: the user's watches are used up"
@@ -218,7 +218,7 @@ MOST_FOLDERS = 300
 
 
 def logs(layout: Layout) -> Iterator[Watch]:
-    """The two logs in which trouble is told."""
+    """The two logs in which problems are reported."""
     names = {layout.call_log.name: Cause.LOG, layout.server_log.name: Cause.LOG}
     yield Watch(layout.logs, Cause.FILES, names, written=True)
 
@@ -247,7 +247,7 @@ def standing(layout: Layout) -> Iterator[Watch]:
 
 
 def _below(folder: Path) -> Iterator[Path]:
-    """The folder and those in it, hidden ones and bytecode left out; the folder also when it is not there."""
+    """The folder and those in it, hidden ones and bytecode omitted; the folder also when it is not there."""
     yield folder
     count = 0
     for root, folders, _ in walk(folder):

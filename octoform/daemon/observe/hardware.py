@@ -1,4 +1,4 @@
-"""Hot-plug: the kernel's own announcements, or what stands in for them. (Light.)
+"""Hot-plug: the kernel's own announcements, or what replaces them. (Light.)
 
 The kernel announces each device over netlink before any program of the system has looked at it. Where that is not to
 be had (a container), the names in sysfs are listed every two seconds. A tree on disk that stands for a host
@@ -18,7 +18,7 @@ from octoform.host import root_from_environment
 GLANCE_SECONDS = 2.0
 _HEARD, _NOTHING = frozenset((Cause.HARDWARE,)), frozenset[Cause]()
 _TELLING = frozenset(("add", "remove", "bind", "unbind", "move", "online", "offline"))
-"""``change`` is left out: a battery that discharges is no hot-plug."""
+"""``change`` is omitted: a battery that discharges is no hot-plug."""
 _DEVICES, _VIRTUAL = "/devices/", "/devices/virtual/"
 _MOST_AT_ONCE = 4096
 _MOST_FOLDERS = 400

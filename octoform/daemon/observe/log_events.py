@@ -28,7 +28,7 @@ LONGEST_LINE = 1_000_000
 
 
 class Tail:
-    """The lines of one log from a place on. A new one begins at the log's end: what was before is nobody's news."""
+    """The lines of one log from a place on. A new one begins at the log's end: what was before is no one's news."""
 
     def __init__(self, path: Path, place: Mapping[str, Any] | None = None) -> None:
         """``place`` is a former `place`; one that does not fit is as good as none."""
@@ -118,7 +118,7 @@ def _read(place: Mapping[str, Any] | None) -> tuple[tuple[int, int] | None, int]
 
 
 def objects(lines: list[str]) -> Iterator[dict[str, Any]]:
-    """The lines that are JSON objects; what is none says nothing here."""
+    """The lines that are JSON objects; what is none states nothing here."""
     for line in lines:
         try:
             value = parse(line)
@@ -208,7 +208,7 @@ class Hearing:
         return LoggedCall(tool, True, entry.get("ok") is True, error, message, took if _is_number(took) else None)
 
     def _overdue(self) -> Iterator[LoggedCall]:
-        """Calls that should have ended long ago; each is told once."""
+        """Calls that should have ended long ago; each is reported once."""
         now = self._uptime()
         late = [key for key, (_, began) in self._under_way.items() if now - began > CALL_SECONDS + GRACE_SECONDS]
         allowed = self._allowed() if late else {}

@@ -1,7 +1,7 @@
 """One look at a deployment: only as far as the causes make it worth while, and never more than that. (Light.)
 
 Each part of the facts has its own sense in `octoform.daemon.observe`, which keeps what it needs from look to look. What
-is not looked at is as it was at the last look; of the logs only what is new is told, and that once.
+is not looked at is as it was at the last look; of the logs only what is new is reported, and that once.
 """
 
 import json
@@ -164,7 +164,7 @@ def open_look(layout: Layout, environ: Mapping[str, str], clock: Clock, *, trace
 
 
 def _places(layout: Layout) -> Mapping[str, Any]:
-    """Where the last daemon was; a file that tells nothing is as good as none, and written anew."""
+    """Where the last daemon was; a file that shows nothing is as good as none, and written again."""
     data, _ = read_regular(layout.daemon / PLACES, _LIMIT)
     try:
         return files.record(files.parse(data or b""), 1)

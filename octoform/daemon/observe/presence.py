@@ -1,8 +1,8 @@
 """Which of the endpoint's devices are there, and which kinds of hardware came or went since PROBE. (Light.)
 
-Kinds are counted here, by the same fingerprint that a plan uses. Which specimen a device is, only the runtime of the
+Kinds are counted here, by the same fingerprint that a plan uses. Which unit a device is, only the runtime of the
 generated server decides; it is asked in a process of its own, and only when a name in sysfs or in the ledger moved.
-On a slow computer the answer takes seconds: when the endpoint's process ends meanwhile, nobody waits for it.
+On a slow computer the answer takes seconds: when the endpoint's process ends meanwhile, no one waits for it.
 """
 
 import json

@@ -1,6 +1,6 @@
 """The end of the endpoint's process, told by the kernel at the moment at which it happens. (Light.)
 
-A process descriptor names one process for ever, so that a pid that was given again is never taken for it.
+A process descriptor names one process permanently, so that a pid that was given again is never taken for it.
 """
 
 import os
@@ -29,7 +29,7 @@ class ProcessEar:
         self._handle: int | None = None
 
     def follow(self, process: Running | None) -> bool:
-        """Listen to this process from now on; False when it has ended already, and nobody will be told of it."""
+        """Listen to this process from now on; False when it has ended already, and no one will be told of it."""
         if process == self._process and self._handle is not None:
             return True
         self._release()
@@ -92,7 +92,8 @@ Busy = Callable[[int], bool]
 class Answering:
     """Asks one endpoint, and remembers since when a door was shut.
 
-    ``uptime`` is the clock of that memory. `ask`, `greeted` and `busy` are what the system says, which tests replace.
+    ``uptime`` is the clock of that memory. `ask`, `greeted` and `busy` are what the system reports, which tests
+    replace.
     """
 
     ask: Ask
@@ -122,7 +123,7 @@ class Answering:
         return (False, told) if self._stays("clients", self._uptime()) else (True, told)
 
     def _told(self) -> tuple[Mapping[str, Any] | None, bool]:
-        """What it says; or that it took the question twice and did not answer, which only a standing process does."""
+        """What it answers; or that it took the question twice and did not answer, which only a standing process does."""
         waited = []
         for _ in range(2):
             began = self._uptime()

@@ -1,7 +1,7 @@
 """Fresh readings of what a deployment measures: its reading tools and its camera. (Light.)
 
-Only tools are called that need nothing to be said, move nothing, wait for nothing and take no picture. One that serves
-several devices, and needs to be told nothing but which of them, is called for each. They are called through the
+Only tools are called that need no argument, move nothing, wait for nothing and take no picture. One that
+serves several devices, and needs to be told nothing but which of them, is called for each. They are called through the
 endpoint's own gate, in the daemon's name, and the endpoint is never started for it. What cannot be read is a reading
 all the same, of nothing, with the reason. What no tool reads has no reading: that it is there is all that is known.
 """
@@ -25,9 +25,9 @@ NAME = "octoform watch"
 CALL_SECONDS = 10.0
 MOST_CALLS, MOST_VALUES, MOST_DEPTH, TEXT_CHARS = 60, 400, 8, 200
 DEVICE = "device"
-"""The parameter that says which of a tool's devices is meant."""
+"""The parameter that states which of a tool's devices is meant."""
 SKIPPED = ("skipped", "error")
-"""Members by which a result says that a unit was left out, and why."""
+"""Members by which a result states that a unit was omitted, and why."""
 _NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "device", "index")
 """Members by which the items of a list are told apart: the first that every item has, no two share, and is a word."""
 _PICTURE = frozenset(
@@ -38,14 +38,14 @@ _POSSIBLE = frozenset(("list", "describe", "formats", "modes", "capabilities"))
 _WAITING = re.compile(r"timeout|duration|seconds|wait|_ms$|_s$", re.I)
 
 EMPTY = "empty"
-"""The value of a result that tells of nothing, as a list without items does: also that is an answer."""
+"""The value of a result that shows nothing, as a list without items does: also that is an answer."""
 Make = Callable[[Signal, Value, str], Reading]
 """Makes a reading with an id and its times: `octoform.claims.ledger.Ledger.make`."""
 
 
 @dataclass(frozen=True, slots=True)
 class Probe:
-    """One call that gives readings; ``device`` where the tool serves several, None where nothing is to be said."""
+    """One call that gives readings; ``device`` where the tool serves several, None where no argument is needed."""
 
     tool: str
     device: str | None = None
@@ -70,7 +70,7 @@ class Sensors:
         self._pictures: set[str] = set()
 
     def __call__(self) -> tuple[Reading, ...]:
-        """One call of each tool that can be called so; none where nothing runs, since then nothing can be told."""
+        """One call of each tool that can be called so; none where nothing runs, since then nothing can be reported."""
         probes = self.probes()
         made, left = probes[:MOST_CALLS], probes[MOST_CALLS:]
         untold = tuple(self._nothing(each, f"only {MOST_CALLS} readings are taken at a time") for each in left)
@@ -203,7 +203,7 @@ def _text(text: str) -> str:
 class Frames:
     """The channel of the camera. ``look`` makes one look in a child, as the daemon's job of that name tells it.
 
-    For hosts whose manifest has perception switched on; nobody else's camera is looked through.
+    For hosts whose manifest has perception switched on; no one else's camera is looked through.
     """
 
     def __init__(self, layout: Layout, make: Make, look: Callable[[], Mapping[str, Any]]) -> None:

@@ -1,6 +1,6 @@
-"""From findings to episodes: what begins, what lasts and what is over, seen from facts alone. Light.
+"""From findings to incidents: what begins, what lasts and what is over, seen from facts alone. Light.
 
-All that is known of a trouble is kept with its episode, so that the next daemon goes on where this one was.
+All that is known of a problem is kept with its incident, so that the next daemon goes on where this one was.
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
@@ -18,7 +18,7 @@ GOES_ON_AS: Mapping[Kind, Collection[Kind]] = {
     Kind.PROCESS_HUNG: (Kind.PROCESS_DEAD,),
     Kind.TOOL_FAILING: (Kind.PROCESS_HUNG,),
 }
-"""What the same trouble of a target looks like later on, by what it was first."""
+"""What the same problem of a target looks like later on, by what it was first."""
 
 
 @dataclass(slots=True)
@@ -31,7 +31,7 @@ class Reported:
 
 @dataclass(slots=True)
 class Troubles:
-    """All troubles that last, each with its episode; what an agent made of one is its diagnosis."""
+    """All problems that last, each with its incident; what an agent made of one is its diagnosis."""
 
     memory: Memory
     notify: Notify
@@ -50,17 +50,17 @@ class Troubles:
                 self.reported[key] = Reported(episode.diagnosis, episode.until + began)
 
     def acting(self, finding: Finding) -> Finding:
-        """Whose repairs are tried for a trouble: its diagnosis, or itself."""
+        """Whose repairs are tried for a problem: its diagnosis, or itself."""
         episode = self.memory.episodes.open.get(finding.key)
         return finding if episode is None or episode.diagnosis is None else episode.diagnosis
 
     def diagnosed(self, key: str) -> bool:
-        """Whether an agent has made something of a trouble."""
+        """Whether an agent has made something of a problem."""
         episode = self.memory.episodes.open.get(key)
         return episode is not None and episode.diagnosis is not None
 
     def diagnose(self, key: str, diagnosis: Finding | None) -> Finding | None:
-        """An agent has made this of a trouble, or nothing that holds any more; what it was before."""
+        """An agent has made this of a problem, or nothing that holds any more; what it was before."""
         if (episode := self.memory.episodes.open.get(key)) is None:
             return None
         before, episode.diagnosis = episode.diagnosis, diagnosis
@@ -69,7 +69,7 @@ class Troubles:
         return before
 
     def report(self, finding: Finding, until: float) -> None:
-        """An agent's word is all that there is of a trouble; it holds until then (uptime)."""
+        """An agent's word is all that there is of a problem; it holds until then (uptime)."""
         self.reported[finding.key] = Reported(finding, until)
 
     def present(self, judged: Iterable[Finding], now: float) -> tuple[Finding, ...]:
@@ -81,9 +81,9 @@ class Troubles:
     def settle(
         self, findings: Iterable[Finding], facts: Facts, held: Collection[str], within: Callable[[Kind, str], bool]
     ) -> None:
-        """Begin the episodes of what is new, and end those of what is over.
+        """Begin the incidents of what is new, and end those of what is over.
 
-        ``held`` are the keys whose repair has not come to its end, ``within`` tells which episodes these facts are
+        ``held`` are the keys whose repair has not come to its end, ``within`` shows which incidents these facts are
         about: of the others nothing is known now, and nothing is ended.
         """
         found = {finding.key: finding for finding in findings}
@@ -106,10 +106,10 @@ class Troubles:
         return finding.kind is Kind.PROCESS_DEAD and any(each.target == finding.target for each in hung)
 
     def _goes_on_as(self, finding: Finding, kept: Collection[str], facts: Facts) -> bool:
-        """Whether a trouble that lasts is this one now.
+        """Whether a problem that lasts is this one now.
 
         A device that goes away and comes back, a process that hangs and is ended for it, a tool that is late and holds
-        its device, are one trouble each. ``kept`` are keys of troubles that are there as they were, or whose repair is
+        its device, are one problem each. ``kept`` are keys of problems that are there as they were, or whose repair is
         under way.
         """
         for episode in list(self.memory.episodes.open.values()):
@@ -123,14 +123,14 @@ class Troubles:
     def _hidden(self, episode: Episode, found: Mapping[str, Finding]) -> bool:
         """True for a tool that was given up, has not worked since, and of which nothing else is known now.
 
-        What explains its failures for a while (a process that is down, a device that is away) does not mend it.
+        What explains its failures for a while (a process that is down, a device that is away) does not fix it.
         """
         given_up = episode.outcome in (Outcome.FROZEN, Outcome.SURFACED)
         fails = any(episode.target == f"tool:{name}" for name in self.memory.recall.failing)
         return given_up and fails and all(each.target != episode.target for each in found.values())
 
     def stands(self, finding: Finding, outcome: Outcome, facts: Facts, hint: str) -> None:
-        """A trouble lasts and nothing is tried any more; a person hears of it once."""
+        """A problem lasts and nothing is tried any more; a person hears of it once."""
         episode = self.memory.episodes.open.get(finding.key)
         if episode is None or episode.outcome is outcome:
             return
@@ -139,7 +139,7 @@ class Troubles:
         self.tell(outcome.value, episode.target, episode.summary, facts, hint)
 
     def broaden(self, finding: Finding) -> Finding:
-        """From now on all troubles of this target and class are this one, whatever they say."""
+        """From now on all problems of this target and class are this one, whatever they say."""
         broad, known = finding.broadly, self.memory.episodes
         self.diagnose(finding.key, None)
         if (episode := known.open.pop(finding.key, None)) is not None:
@@ -201,6 +201,6 @@ class Troubles:
 
 
 def _untold(episode: Episode, facts: Facts) -> bool:
-    """True while nobody can tell where the device of a trouble is: what is not known has not ended."""
+    """True while no one can determine where the device of a problem is: what is not known has not ended."""
     sighting = facts.devices.get(episode.target.removeprefix("device:"))
     return sighting is not None and sighting.there is None

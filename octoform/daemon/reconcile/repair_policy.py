@@ -1,9 +1,9 @@
-"""When a repair must not be made, whoever judged it right: pure. Light.
+"""When a repair must not be made, no matter who judged it right: pure. Light.
 
-An emergency stop is no fault and a person's stop is none, an apply under way is waited for, and nobody repairs what
+An emergency stop is no fault and a person's stop is none, an apply under way is waited for, and no one repairs what
 another repair is just changing.
 
-Which repairs there are for a trouble, how often each may be made, and which are re-discoveries. Light.
+Which repairs there are for a problem, how often each may be made, and which are re-discoveries. Light.
 
 Pure: what was tried so far is known by the breakers.
 """
@@ -93,7 +93,7 @@ class Bench(Protocol):
         """What ended since the last time."""
 
     def waiting(self) -> bool:
-        """True when something ended that nobody has asked for yet."""
+        """True when something ended that no one has asked for yet."""
 
 
 class Beside:
@@ -134,7 +134,7 @@ class Beside:
         return found
 
     def waiting(self) -> bool:
-        """True when something ended that nobody has asked for yet."""
+        """True when something ended that no one has asked for yet."""
         with self._guard:
             return bool(self._ended)
 
@@ -168,7 +168,7 @@ class AtOnce:
         self._ended.append(Ended(task, product, self._uptime() - began))
 
     def under_way(self) -> tuple[Task, ...]:
-        """What nobody has asked for yet keeps its lane, as it would beside the loop."""
+        """What no one has asked for yet keeps its lane, as it would beside the loop."""
         return tuple(item.task for item in self._ended)
 
     def ended(self) -> tuple[Ended, ...]:
@@ -177,7 +177,7 @@ class AtOnce:
         return found
 
     def waiting(self) -> bool:
-        """True when something ended that nobody has asked for yet."""
+        """True when something ended that no one has asked for yet."""
         return bool(self._ended)
 
 
@@ -193,7 +193,7 @@ def done(work: Work) -> Product:
 HARMLESS = frozenset({Repair.ROTATE, Repair.REBIND})
 """Neither starts the endpoint nor changes what it does."""
 MOVING = frozenset({Repair.HEAL, Repair.REDISCOVER})
-"""May call what moves: never while an emergency stop is latched."""
+"""May call what moves: never while an emergency stop is engaged."""
 SWAPPING = frozenset(set(Repair) - HARMLESS - {Repair.WATCH, Repair.RESTART})
 """Stop and start the endpoint themselves at the end of their work."""
 APPLYING = frozenset({Repair.REDISCOVER, Repair.HEAL})

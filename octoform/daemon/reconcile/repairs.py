@@ -62,7 +62,7 @@ class Tried:
 
 @dataclass(slots=True)
 class Probation:
-    """The repairs of HEAL that nobody knows yet to hold, by the key of their trouble."""
+    """The repairs of HEAL that no one knows yet to hold, by the key of their problem."""
 
     tried: dict[str, Tried] = field(default_factory=dict)
 
@@ -190,7 +190,7 @@ class Trying:
         self.untouched = Untouched(self.memory, self.evidence.ledger)
 
     def held(self) -> frozenset[str]:
-        """Keys of troubles whose repair is under way, or ended and not judged by facts yet."""
+        """Keys of problems whose repair is under way, or ended and not judged by facts yet."""
         under_way = {task.key for task in self.bench.under_way() if task.finding is not None}
         return frozenset(under_way | set(self.awaiting))
 
@@ -217,7 +217,7 @@ class Trying:
                 self._made(item, item.task.finding, item.task.repair, done, facts)
 
     def verdicts(self, findings: Iterable[Finding], facts: Facts, within: Callable[[Kind, str], bool]) -> None:
-        """Whether the repairs that ended helped: the trouble is gone, or it is not."""
+        """Whether the repairs that ended helped: the problem is gone, or it is not."""
         present = {finding.key: finding for finding in findings}
         for key, (task, done) in list(self.awaiting.items()):
             acting = task.finding
@@ -394,7 +394,7 @@ class Trying:
             self.troubles.tell("confirm", claim.target, f"{claim.kind} {claim.id}: {claim.statement}", facts, hint)
 
     def _diagnosed(self, key: str, asked: Finding, done: Done, facts: Facts) -> None:
-        """What WATCH says of the trouble that it was asked about is its diagnosis; the rest are others."""
+        """What WATCH says of the problem that it was asked about is its diagnosis; the rest are others."""
         found = list(done.findings or (findings_of(done.report, facts) if done.report is not None else ()))
         own = next((each for each in found if each.target == asked.target), found[0] if found else None)
         if own is None:
@@ -408,7 +408,7 @@ class Trying:
     def _forget(self, acting: Finding, repair: Repair) -> None:
         """Failures of code that is exchanged now are no evidence against what took its place.
 
-        What was given up before stays: it was another trouble, and only a call that works shows that it is over.
+        What was given up before stays: it was another problem, and only a call that works shows that it is over.
         """
         recall = self.memory.recall
         if repair in CHANGING:
@@ -422,7 +422,7 @@ class Trying:
             )
 
     def _given_up(self) -> set[str]:
-        """Targets of troubles that wait for a person."""
+        """Targets of problems that wait for a person."""
         waiting = (Outcome.FROZEN, Outcome.SURFACED)
         return {each.target for each in self.memory.episodes.open.values() if each.outcome in waiting}
 

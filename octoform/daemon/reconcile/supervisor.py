@@ -1,7 +1,8 @@
 """The loop: look, judge, repair, look again. It decides when, never how; everything it touches is behind a port.
 
-A round is short whatever it begins: repairs and readings are made beside it (`bench`), one at a time for each target,
-and their end is a reason for the next round. Nothing is believed of a repair but what the next facts show. Light.
+A check cycle is short whatever it begins: repairs and readings are made beside it (`bench`), one at a time for each
+target, and their end is a reason for the next check cycle. Nothing is believed of a repair but what the next facts
+show. Light.
 """
 
 from collections.abc import Callable, Mapping
@@ -39,17 +40,17 @@ AFTER = frozenset({Cause.RETRY, Cause.PROCESS, Cause.HARDWARE, Cause.FILES, Caus
 """What is looked at after a repair: everything that it may have changed."""
 QUIET = frozenset({Cause.PING})
 READ = QUIET | {Cause.LOG}
-"""What is looked at after readings: a tool that could not be read has left a line in the log, and both are one trouble.
+"""What is looked at after readings: a tool that could not be read has left a line in the log, and both are one problem.
 """
 BACK = PROCESS | {Kind.DEVICE_GONE, Kind.DEVICE_BACK}
-"""Troubles at whose end something reports again that was silent: read once, or health would stay unknown for long."""
+"""Problems at whose end something reports again that was silent: read once, or health would stay unknown for long."""
 MOST_PASSES = 12
 LEAST_WAIT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
 class Round:
-    """What one round saw and did. ``due`` is when the next try is (uptime; None: nothing waits for a time).
+    """What one check cycle saw and did. ``due`` is when the next try is (uptime; None: nothing waits for a time).
 
     ``waits`` tells by key why a repair is not made now; ``problems`` is what could not be read, written or believed.
     """
@@ -69,11 +70,11 @@ class Round:
 
 
 View = Callable[[Round], None]
-"""Whoever shows what the daemon does; called at the end of each round."""
+"""Anyone who shows what the daemon does; called at the end of each check cycle."""
 
 
 def _nobody(_made: Round) -> None:
-    """Nobody is shown anything."""
+    """No one is shown anything."""
 
 
 class Supervisor:
@@ -82,7 +83,7 @@ class Supervisor:
     def __init__(
         self, ports: Ports, memory: Memory, settings: Daemon, ledger: Ledger, bench: Bench, view: View = _nobody
     ) -> None:
-        """``bench`` says where repairs are made: `bench.Beside` in life, `bench.AtOnce` in virtual time."""
+        """``bench`` states where repairs are made: `bench.Beside` in life, `bench.AtOnce` in virtual time."""
         self._ports = ports
         self._memory = memory
         self._bench = bench
@@ -106,11 +107,11 @@ class Supervisor:
         self._ports.sources.rouse()
 
     def say(self, problem: Diagnostic) -> None:
-        """Let the next round tell this."""
+        """Let the next check cycle tell this."""
         self._memory.shelf.said.append(problem)
 
     def run(self, once: bool = False) -> None:
-        """Rounds until `stop`; with ``once`` until nothing is due and nothing is under way."""
+        """Check cycles until `stop`; with ``once`` until nothing is due and nothing is under way."""
         made: Round | None = self.round(frozenset({Cause.START}))
         while not self._stopping:
             if once and made is not None and not (self._bench.under_way() or self._bench.waiting() or self._soon(made)):
@@ -118,12 +119,12 @@ class Supervisor:
             made = self.step()
 
     def step(self) -> Round | None:
-        """Wait for the next reason for a round, and make it; None when there was nothing to be done after all."""
+        """Wait for the next reason for a check cycle, and make it; None when there was nothing to be done after all."""
         causes = self._next_causes()
         return self.round(causes) if causes and not self._stopping else None
 
     def round(self, causes: frozenset[Cause]) -> Round:
-        """One round; returns when what can be begun is begun, and what ended by then is judged."""
+        """One check cycle; returns when what can be begun is begun, and what ended by then is judged."""
         if causes <= QUIET and (same := self._unchanged(causes)) is not None:
             return same
         paused = instance_lock.paused_since(self._memory.shelf.layout)
@@ -149,9 +150,9 @@ class Supervisor:
         return self._over(causes, facts, findings, begun, paused)
 
     def _unchanged(self, causes: frozenset[Cause]) -> Round | None:
-        """A round without work, where a question whether the endpoint answers gave what was known; else None.
+        """A check cycle without work, where a question whether the endpoint answers gave what was known; else None.
 
-        Most rounds of a quiet night are such ones, so they have to cost nothing.
+        Most check cycles of a quiet night are such ones, so they have to cost nothing.
         """
         before, last = self._facts, self._last
         if before is None or last is None or self._bench.waiting() or self._trying.awaiting:
@@ -168,7 +169,7 @@ class Supervisor:
         return replace(last, causes=causes, facts=facts, opened=(), ended=(), begun=(), tried=(), problems=())
 
     def _looked(self, causes: frozenset[Cause]) -> tuple[Facts, tuple[Finding, ...]]:
-        """Look, judge, and let episodes begin and end."""
+        """Look, judge, and let incidents begin and end."""
         if early := self._bench.ended():  # what ended while nobody looked
             self._trying.conclude(early, self._facts or self._ports.look(causes))
             causes |= AFTER if any(item.task.finding is not None for item in early) else READ
@@ -225,7 +226,7 @@ class Supervisor:
         return made
 
     def _sample(self, facts: Facts) -> bool:
-        """Begin to take readings; True when that is done with for this round.
+        """Begin to take readings; True when that is done with for this check cycle.
 
         Whoever is at work on the host: the endpoint is asked as by any client, and an agent may take an hour.
         """
@@ -240,14 +241,14 @@ class Supervisor:
         return True
 
     def _unread(self, facts: Facts) -> bool:
-        """Whether another process serves now than the one that was read, or tools that nobody has read since."""
+        """Whether another process serves now than the one that was read, or tools that no one has read since."""
         if facts.process is None or not facts.answers:
             return False
         instance, promised = self._read
         return facts.process.instance != instance or not self._ports.promised() <= promised
 
     def _asked(self) -> None:
-        """What a person asked for: to try again what was given up; what cannot be taken up waits, and is told."""
+        """What a person asked for: to try again what was given up; what cannot be taken up waits, and is reported."""
         layout = self._memory.shelf.layout
         try:
             targets = instance_lock.taken_up(layout)
@@ -258,7 +259,7 @@ class Supervisor:
             self._troubles.reopen(target)
 
     def _next_causes(self) -> frozenset[Cause]:
-        """Wait for the next reason for a round; none when there is nothing to be done after all."""
+        """Wait for the next reason for a check cycle; none when there is nothing to be done after all."""
         due = self._due()
         seconds = None if due is None else max(LEAST_WAIT, due - self._ports.clock.uptime())
         causes = self._ports.sources.wait(seconds)
@@ -273,12 +274,12 @@ class Supervisor:
         return min((time for time in (*self._waits.due, self._evidence.due()) if time is not None), default=None)
 
     def _soon(self, made: Round) -> bool:
-        """Whether the next round would make a try, or look at what this one left out."""
+        """Whether the next check cycle would make a try, or look at what this one omitted."""
         return self._left_out or (made.due is not None and made.due <= self._ports.clock.uptime())
 
 
 def _essence(facts: Facts) -> Facts:
-    """The facts without what is another at each look and says nothing by itself."""
+    """The facts without what is another at each look and states nothing by itself."""
     told = facts.told or {}
     gate = told.get("gate")
     kept = {"tunnel": told.get("tunnel"), "stuck": gate.get("stuck") if isinstance(gate, Mapping) else None}

@@ -1,8 +1,8 @@
 """REBIND: write down where a device is now, where that is certain. Light.
 
 The generated server finds its devices at every call, so a device that moved works already; what is written down is what
-the next move is compared with. A device that was told apart only because it was left over, while there is another one
-of its kind, is not written down: a guess must not become what is believed. A person decides there.
+the next move is compared with. A device that was distinguished only because it was left over, while there is another
+one of its kind, is not written down: a guess must not become what is believed. A person decides there.
 """
 
 import os

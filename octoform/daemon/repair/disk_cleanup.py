@@ -4,7 +4,7 @@ In this order, and only until there is room: environments that no endpoint names
 logs (their errors stay), the environment before the present one. Never an artifact, a log that is written, what a
 person has put there, results that tools gave to somebody, or evidence of an edit.
 
-ROTATE: set a log aside that has grown large. Light; `octoform.endpoint.process.log_rotation` says how nothing
+ROTATE: set a log aside that has grown large. Light; `octoform.endpoint.process.log_rotation` states how nothing
 of it is lost.
 """
 
@@ -89,7 +89,7 @@ def _old_attempts(layout: Layout) -> list[Path]:
 
 
 def rotate(layout: Layout, name: str) -> Done:
-    """Set the log ``name`` of a host aside; what the system refuses is told."""
+    """Set the log ``name`` of a host aside; what the system refuses is reported."""
     path = layout.logs / Path(name).name
     if path.is_symlink():
         return Done(False, f"{path.name} is a link, which is left alone", again=False)

@@ -1,8 +1,8 @@
-"""The loop's `Repairer`: which job each repair is, what it is told, and how long it may take. Light.
+"""The loop's `Repairer`: which job each repair is, what it is given, and how long it may take. Light.
 
 Everything runs in a child of the daemon, also what is light: a child that hangs is ended, and the daemon is not. A
-restart is the exception where the daemon makes it itself: it is bounded in all of its steps, and whoever waits for the
-endpoint does not wait for the start of a child as well.
+restart is the exception where the daemon makes it itself: it is bounded in all of its steps, and anyone who waits for
+the endpoint does not wait for the start of a child as well.
 """
 
 from collections.abc import Callable, Mapping
@@ -52,7 +52,7 @@ class Repairs:
         self._apply = apply
 
     def __call__(self, finding: Finding, repair: Repair) -> Done:
-        """Do it once; what needs an agent's brief (WATCH, HEAL) and what is nobody's work is not done here."""
+        """Do it once; what needs an agent's brief (WATCH, HEAL) and what is no one's work is not done here."""
         if repair is Repair.RESTART and self._restart is not None:
             return self._restart(finding.kind is Kind.PROCESS_HUNG)
         work = _FREE if _frees(finding, repair) else _WORK.get(repair)
@@ -76,7 +76,7 @@ def _frees(finding: Finding, repair: Repair) -> bool:
 
 
 def done(result: Mapping[str, Any]) -> Done:
-    """What a job's result says, as the loop knows it; a result without its word for it is a failure."""
+    """What a job's result states, as the loop knows it; a result without its word for it is a failure."""
     spent = result.get("spent")
     known = spent if isinstance(spent, Mapping) else {}
     usd = known.get("usd", 0.0)

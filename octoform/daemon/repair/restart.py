@@ -123,7 +123,7 @@ def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnosti
 def _well(layout: Layout) -> bool:
     """True when both doors are answered, the control thread's and the one to the loop that serves clients.
 
-    And when no tool's code holds a device although it was told to end: only another process sets that free.
+    And when no tool's code holds a device although it was instructed to end: only another process sets that free.
     """
     told = ask(layout, {"op": "status"}, ANSWER_SECONDS)
     gate = told.get("gate") if told is not None else None

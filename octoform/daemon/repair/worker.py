@@ -59,7 +59,7 @@ def _end(_number: int, _frame: FrameType | None) -> None:
 
 
 def _bind_to(parent: int) -> None:
-    """End with the daemon, however it ends; one that has ended already has nobody who waits for a result."""
+    """End with the daemon, however it ends; one that has ended already has no one who waits for a result."""
     libc = ctypes.CDLL(None, use_errno=True)
     if sys.platform == "linux":
         libc.prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)

@@ -1,8 +1,8 @@
 """Heavy work in a child process: the daemon stays small, and what the child loads goes with it.
 
 A job is one JSON object on the child's standard input, its result one JSON object in the last line of its standard
-output. The child is ended with its daemon in every case: by SIGTERM when the daemon is told to stop, by the kernel's
-parent-death signal when the daemon is killed (the child asks for that itself), and by its time limit. Light.
+output. The child is ended with its daemon in every case: by SIGTERM when the daemon is instructed to stop, by the
+kernel's parent-death signal when the daemon is killed (the child asks for that itself), and by its time limit. Light.
 """
 
 import contextlib
@@ -46,7 +46,7 @@ class Workers:
         """The result of a job, within ``seconds``; what fails is ``{"ok": False, "detail": ...}``, never an exception.
 
         The child reads ``{format, job, project, parent, brief}``; ``parent`` is the process that must be alive. A child
-        that ended without a result of its own has ``untold``: nobody knows what it has used.
+        that ended without a result of its own has ``untold``: no one knows what it has used.
         """
         asked = {"format": FORMAT, "job": job, "project": str(self._project), "parent": os.getpid(), "brief": brief}
         with tempfile.TemporaryFile() as feed, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
@@ -109,7 +109,7 @@ def _signal(process: "subprocess.Popen[bytes]", number: int) -> None:
 
 
 def _gone(process: "subprocess.Popen[bytes]") -> None:
-    """Wait for the end of a child that was told to end; kill it and its group when that does not come."""
+    """Wait for the end of a child that was instructed to end; kill it and its group when that does not come."""
     try:
         process.wait(GRACE_SECONDS)
     except subprocess.TimeoutExpired:

@@ -1,7 +1,7 @@
 """What agents may cost in an hour, over restarts of the daemon: calls as a count, and US dollars.
 
 Calls are written down before they are made and again when their cost is known, so that a daemon which dies in between
-has still counted them. What cannot be written down is not spent, and what nobody can tell counts as spent. Light.
+has still counted them. What cannot be written down is not spent, and what no one can tell counts as spent. Light.
 """
 
 from dataclasses import dataclass, field
@@ -15,12 +15,12 @@ FILE = "spend.json"
 WINDOW_SECONDS = 3600.0
 LIMIT = 1000
 ATTEMPTS = 3
-"""What a run of an agent counts as until its end is known: the attempts that it has unless the manifest says more."""
+"""What a run of an agent counts as until its end is known: the attempts that it has unless the manifest states more."""
 
 
 @dataclass(slots=True)
 class Entry:
-    """One run of an agent: when (uptime in its boot, and the stamp), and what it cost (``usd`` None: nobody knows)."""
+    """One run of an agent: when (uptime in its boot, and the stamp), and what it cost (``usd`` None: no one knows)."""
 
     at: float
     stamp: str
@@ -40,7 +40,7 @@ class Purse:
     _entries: list[Entry] = field(default_factory=list)
 
     def load(self, now: float = 0.0, stamp: str = "") -> None:
-        """Take up what was spent before. Of a file that is damaged nobody knows: then the hour counts as spent."""
+        """Take up what was spent before. Of a file that is damaged no one knows: then the hour counts as spent."""
         said = len(self.shelf.said)
         listed = self.shelf.read(FILE).get("spent")
         self._entries = (
@@ -82,7 +82,7 @@ class Purse:
     def begin(self, now: float, stamp: str, most: int = ATTEMPTS) -> Entry | None:
         """Count a run of an agent that is about to start; None when that cannot be written down: it may not start.
 
-        ``most`` is how often it may ask: so much is gone when nobody hears of its end.
+        ``most`` is how often it may ask: so much is gone when no one hears of its end.
         """
         entry = Entry(now, stamp, self.boot, max(1, min(most, self.left(now, stamp))), None)
         self._entries = [*(item for item in self._entries if self._age(item, now, stamp) < WINDOW_SECONDS), entry][

@@ -1,6 +1,6 @@
-"""No repair for ever: three tries for one trouble, each later than the one before, and then a person.
+"""No repair permanently: three tries for one problem, each later than the one before, and then a person.
 
-A trouble is known by its key (target, class, digest of the evidence). Tries are written down before they are made, so
+A problem is known by its key (target, class, digest of the evidence). Tries are written down before they are made, so
 that a repair which kills the daemon is counted too, and a freeze survives restarts and reboots. What stayed away long
 enough is forgiven; what comes back sooner was not repaired, whatever it looked like. Words that change each time are
 other evidence, so the tries of a target and class are counted for an hour as well, whatever they were made for. Light.
@@ -20,19 +20,19 @@ FIRST_SECONDS = 5.0
 FACTOR = 4.0
 LONGEST_SECONDS = 3600.0
 HOLD_SECONDS = 30.0
-"""How long a trouble must stay away before its tries are forgiven; what returns sooner continues the count."""
+"""How long a problem must stay away before its tries are forgiven; what returns sooner continues the count."""
 FLAPS = 20
-"""Repairs of one trouble within `FLAP_SECONDS` that each seemed to help, before it is frozen all the same."""
+"""Repairs of one problem within `FLAP_SECONDS` that each seemed to help, before it is frozen all the same."""
 FLAP_SECONDS = 3600.0
 FORGIVE_SECONDS = 900.0
-"""How long a trouble must stay away before everything of it is forgotten: somebody has mended it for good."""
+"""How long a problem must stay away before everything of it is forgotten: somebody has fixed it for good."""
 HOUR_SECONDS = 3600.0
 LIMIT = 500
 
 
 @dataclass(frozen=True, slots=True)
 class Breaker:
-    """The tries for one trouble. Times are seconds of uptime in the boot ``boot``.
+    """The tries for one problem. Times are seconds of uptime in the boot ``boot``.
 
     ``tries`` since it was last forgiven, ``step`` the place in its chain of repairs (beyond the end: the last one),
     ``next`` when it may be tried again, ``gone`` since when it is away (None while it is there), ``helped`` when
@@ -88,15 +88,15 @@ class Breakers:
             )
 
     def of(self, key: str, target: str = "") -> Breaker:
-        """The breaker of a trouble; a new one allows its first try at once."""
+        """The breaker of a problem; a new one allows its first try at once."""
         return self._all.get(key) or Breaker(key, target, self.boot)
 
     def frozen(self) -> tuple[Breaker, ...]:
-        """Those that try no more; a trouble of some of them may be over, and not forgotten yet."""
+        """Those that try no more; a problem of some of them may be over, and not forgotten yet."""
         return tuple(item for item in self._all.values() if item.frozen is not None)
 
     def given_up(self, lasting: Iterable[Episode]) -> tuple[Breaker, ...]:
-        """Why nothing is tried any more for those of these troubles that last and were given up, under their target."""
+        """Why nothing is tried any more for those of these problems that last and were given up, under their target."""
         found = []
         for episode in lasting:
             keys = [episode.key, *([episode.diagnosis.key] if episode.diagnosis is not None else [])]
@@ -106,7 +106,7 @@ class Breakers:
         return tuple(found)
 
     def all(self) -> tuple[Breaker, ...]:
-        """Every trouble that is remembered."""
+        """Every problem that is remembered."""
         return tuple(self._all.values())
 
     def begin(self, key: str, target: str, now: float, *, quick: bool = False) -> Breaker:
@@ -131,7 +131,7 @@ class Breakers:
     ) -> Breaker:
         """A try did not help: on to the next repair of ``chain``, or frozen after ``limit`` tries.
 
-        ``hopeless`` is the repair that was made, where it can never help: then it is tried no more, wherever it stands
+        ``hopeless`` is the repair that was made, where it can never help: then it is tried no more, wherever it is
         in the chain, and the next one is tried at once.
         """
         item = self._all.get(key)
@@ -149,7 +149,7 @@ class Breakers:
         return item
 
     def seen(self, key: str, target: str, now: float, stamp: str) -> Breaker:
-        """The trouble is there: a freeze stays, and one that came back too soon goes on where it was."""
+        """The problem is there: a freeze stays, and one that came back too soon goes on where it was."""
         item = self._all.get(key)
         if item is None or item.gone is None:
             return item or self.of(key, target)
@@ -166,7 +166,7 @@ class Breakers:
         return item
 
     def away(self, key: str, now: float, *, repaired: bool) -> None:
-        """The trouble is not there any more."""
+        """The problem is not there any more."""
         item = self._all.get(key)
         if item is None or item.gone is not None:
             return
@@ -174,14 +174,17 @@ class Breakers:
         self._put(replace(item, gone=now, helped=helped))
 
     def troubled(self, targets: frozenset[str], now: float) -> None:
-        """These targets are in trouble now. What was in trouble until now has not held, whatever its trouble was."""
+        """These targets are in a problem now.
+
+        What was in a problem until now has not held, whatever its problem was.
+        """
         for key, item in self._all.items():
             if item.gone is not None and item.target in self._troubled:
                 self._all[key] = replace(item, gone=now)
         self._troubled = targets
 
     def forgive(self, now: float) -> None:
-        """Forget what stayed away for long, freezes too: it is another trouble when it comes again."""
+        """Forget what stayed away for long, freezes too: it is another problem when it comes again."""
         old = [item.key for item in self._all.values() if item.gone is not None and now - item.gone >= FORGIVE_SECONDS]
         for key in old:
             del self._all[key]
@@ -205,12 +208,12 @@ class Breakers:
             self._put(replace(item, terms=terms))
 
     def forget(self, key: str) -> None:
-        """A trouble may be tried as if it never was."""
+        """A problem may be tried as if it never was."""
         if self._all.pop(key, None) is not None:
             self.save()
 
     def freeze(self, key: str, target: str, why: str, stamp: str) -> None:
-        """Nothing is tried any more for this trouble."""
+        """Nothing is tried any more for this problem."""
         self._put(replace(self.of(key, target), target=target, frozen=why, since=stamp, gone=None))
 
     def _put(self, item: Breaker) -> None:

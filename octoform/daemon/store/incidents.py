@@ -1,6 +1,6 @@
-"""Everything that happened to a deployment, trouble by trouble: one JSON line at each change, the last one counts.
+"""Everything that happened to a deployment, a problem by a problem: one JSON line at each change, the last one counts.
 
-A line is only ever added, so a kill costs at most its own half line; the file is written anew when it has grown, and
+A line is only ever added, so a kill costs at most its own half line; the file is written again when it has grown, and
 keeps what is open and the newest of what is over. Light.
 """
 
@@ -19,10 +19,10 @@ from octoform.state.files import read_regular, refused, shown, write_atomic
 
 FILE = "episodes.jsonl"
 KEPT = 1000
-"""Episodes that a file which has grown is cut down to."""
+"""Incidents that a file which has grown is cut down to."""
 GROWN = 4_000_000
 SUMMARY, DETAIL = 600, 1500
-"""Characters of foreign words that an episode keeps."""
+"""Characters of foreign words that an incident keeps."""
 TRIES = 50
 
 
@@ -39,13 +39,13 @@ class Try:
 
 @dataclass(slots=True)
 class Episode:
-    """One trouble from its first sign to its end. Stamps are RFC 3339, uptimes seconds of CLOCK_BOOTTIME.
+    """One problem from its first sign to its end. Stamps are RFC 3339, uptimes seconds of CLOCK_BOOTTIME.
 
     ``closed`` is None while it lasts; then ``outcome`` is ``open``, or ``frozen`` or ``surfaced`` when a person is
-    needed. ``by`` tells who found it: ``triage`` or ``watch``. ``boot`` is what the uptimes count from, ``chain`` the
+    needed. ``by`` shows who found it: ``triage`` or ``watch``. ``boot`` is what the uptimes count from, ``chain`` the
     repairs that there are, ``hint`` what a person can do. ``causes`` are those of the look that found it first.
 
-    ``diagnosis`` is what an agent made of it, and whose repairs are tried since (None: nobody did). ``until`` is set
+    ``diagnosis`` is what an agent made of it, and whose repairs are tried since (None: no one did). ``until`` is set
     where an agent's word is all that there is of it: it holds until then (uptime).
     """
 
@@ -74,13 +74,13 @@ class Episode:
 
     @property
     def over(self) -> bool:
-        """True when the trouble is."""
+        """True when the problem is."""
         return self.closed is not None
 
 
 @dataclass(slots=True)
 class Episodes:
-    """The host's episodes: those that last, by key, and a line for each change."""
+    """The host's incidents: those that last, by key, and a line for each change."""
 
     shelf: Shelf
     boot: str
@@ -97,7 +97,7 @@ class Episodes:
             self._cut(known)
 
     def begin(self, finding: Finding, facts: Facts, by: str = "triage", causes: Iterable[Cause] = ()) -> Episode:
-        """A trouble is seen for the first time, in these facts, which were looked at for these causes."""
+        """A problem is seen for the first time, in these facts, which were looked at for these causes."""
         self._count += 1
         episode = Episode(
             id=f"e{self._count}",
@@ -120,7 +120,7 @@ class Episodes:
         return episode
 
     def becomes(self, episode: Episode, finding: Finding) -> None:
-        """The same trouble is seen otherwise now: it goes on under another key, and keeps its kind and beginning."""
+        """The same problem is seen otherwise now: it goes on under another key, and keeps its kind and beginning."""
         self.open.pop(episode.key, None)
         episode.key, episode.status, episode.diagnosis = finding.key, finding.status, None
         episode.summary = escaped(finding.summary)[:SUMMARY]
@@ -151,7 +151,7 @@ class Episodes:
         return True
 
     def note(self, episode: Episode) -> None:
-        """Write a line with what it is now; a disk that refuses is said."""
+        """Write a line with what it is now; a disk that refuses is stated."""
         path = self.shelf.path(FILE)
         self.shelf.is_mine(FILE)
         line = json.dumps(to_json(episode), separators=(",", ":")).encode() + b"\n"
@@ -182,13 +182,13 @@ class Episodes:
         self.shelf.wrote(FILE)
 
     def save(self) -> None:
-        """Write down once more what lasts; the last line of an episode counts, whoever wrote one before it."""
+        """Write down once more what lasts; the last line of an incident counts, no matter who wrote one before it."""
         for episode in self.open.values():
             self.note(episode)
 
 
 def read(shelf: Shelf) -> list[Episode]:
-    """All episodes in the order in which they began; lines that are none are left out, and said."""
+    """All incidents in the order in which they began; lines that are none are omitted, and said."""
     path = shelf.path(FILE)
     data, problem = read_regular(path, 4 * LIMIT)
     if problem is not None:
@@ -209,7 +209,7 @@ def read(shelf: Shelf) -> list[Episode]:
 
 
 def to_json(episode: Episode) -> dict[str, Any]:
-    """An episode as its line has it, and ``octoform incidents --json``."""
+    """An incident as its line has it, and ``octoform incidents --json``."""
     return {
         "format": FORMAT,
         "id": episode.id,

@@ -1,7 +1,7 @@
 """One daemon for each host, and what a person tells it: to pause, to go on, to try again.
 
-The kernel's lock on a file says that a daemon lives, so a killed one needs no clearing up; the record beside it says
-which process that is. What a person wants lies in small files of the same folder, which the daemon notices as it
+The kernel's lock on a file states that a daemon lives, so a killed one needs no clearing up; the record beside it
+states which process that is. What a person wants lies in small files of the same folder, which the daemon notices as it
 notices every other file, so that asking works whether or not it runs. Light.
 """
 
@@ -106,7 +106,7 @@ def take(layout: Layout, since: str, uptime: float, version: str) -> tuple[Owned
 
 
 def _placed(layout: Layout, document: dict[str, Any]) -> bytes:
-    """The record with the folder that it lies in, so that in a copy of it nobody takes it for a daemon's."""
+    """The record with the folder that it lies in, so that in a copy of it no one takes it for a daemon's."""
     return _encoded({**document, KEY: place_of(layout.daemon)})
 
 
@@ -208,7 +208,7 @@ def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
 
 
 def _sign(descriptor: int, record: bytes) -> None:
-    """Leave in the lock file which daemon was there last: whoever finds another text knows that one was."""
+    """Leave in the lock file which daemon was there last: anyone who finds another text knows that one was."""
     with contextlib.suppress(OSError):  # a full disk; the record, which is written next, says so
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, record, 0)

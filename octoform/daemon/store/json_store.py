@@ -26,7 +26,7 @@ LIMIT = 8_000_000
 
 @dataclass(slots=True)
 class Shelf:
-    """The files of one host's daemon. ``said`` collects what could not be read or written, until it is told."""
+    """The files of one host's daemon. ``said`` collects what could not be read or written, until it is reported."""
 
     layout: Layout
     said: list[Diagnostic] = field(default_factory=list)
@@ -54,7 +54,7 @@ class Shelf:
         return {}
 
     def write(self, name: str, document: Mapping[str, Any]) -> bool:
-        """Replace a file as a whole; False for a refusal by the disk, which is said: the former one stays."""
+        """Replace a file as a whole; False for a refusal by the disk, which is stated: the former one stays."""
         path = self.path(name)
         self.is_mine(name)
         with contextlib.suppress(OSError):  # the write says what is wrong
@@ -71,7 +71,7 @@ class Shelf:
         self._mine[name] = _stamp(self.path(name))
 
     def is_mine(self, name: str) -> bool:
-        """False when somebody else has changed the file since it was read or written here, which is said."""
+        """False when somebody else has changed the file since it was read or written here, which is stated."""
         if name not in self._mine or _stamp(self.path(name)) == self._mine[name]:
             return True
         self.strange.add(name)
@@ -95,7 +95,7 @@ class Shelf:
         self.said.append(item)
 
     def said_since(self) -> tuple[Diagnostic, ...]:
-        """What was to be said, once."""
+        """What was to be stated, once."""
         found = tuple(self.said)
         self.said.clear()
         return found

@@ -30,7 +30,7 @@ class LastReport:
 
 @dataclass(slots=True)
 class Memory:
-    """Breakers, episodes, spending, and what triage remembers; all of them outlive the daemon."""
+    """Breakers, incidents, spending, and what triage remembers; all of them outlive the daemon."""
 
     shelf: Shelf
     boot: str

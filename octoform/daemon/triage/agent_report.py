@@ -1,7 +1,7 @@
 """What WATCH reported, as findings: its closed classes are the playbook, and what is in none of them is for a person.
 
 A report has passed its contract before it comes here (the tools and devices it names exist, what it says cites
-readings); what it says is still an agent's word, so it changes nothing that code can see better.
+readings); what it states is still an agent's word, so it changes nothing that code can see better.
 """
 
 from collections.abc import Iterator, Mapping

@@ -199,7 +199,7 @@ def judge_signals(
 def _by_themselves(
     found: list[Silence], readings: Iterable[Reading], failing: Collection[str], targets: Collection[str]
 ) -> Iterator[Silence]:
-    """Those that no trouble of their tool explains: it has one, or fails wherever it is called."""
+    """Those that no problem of their tool explains: it has one, or fails wherever it is called."""
     whole = {source for source, path, _ in found if not path}
     sensors = {each.signal.source for each in readings if each.signal.channel is Channel.SENSOR}
     works = {tool_of(source) for source in sensors - whole}
@@ -231,9 +231,9 @@ def judge(
     """What is wrong now; empty while an apply is under way, for a host without an endpoint, and when all is well.
 
     ``before`` are the facts of the look before, ``recall`` what `remember` made of all looks with this one,
-    ``readings`` the newest of each signal. The same trouble gives equal keys at each look. ``given_up`` are keys of
-    troubles that nobody repairs any more: a process that ended is started again beside them. Where a target and class
-    are given up as a whole, other words are no other trouble.
+    ``readings`` the newest of each signal. The same problem gives equal keys at each look. ``given_up`` are keys of
+    problems that no one repairs any more: a process that ended is started again beside them. Where a target and class
+    are given up as a whole, other words are no other problem.
     """
     known = recall or Recall()
     if facts.busy is not None or not (facts.applied or known.applied):
@@ -254,5 +254,5 @@ def _known(finding: Finding, given_up: Collection[str]) -> Finding:
 
 
 def _once(found: list[Finding]) -> tuple[Finding, ...]:
-    """Each trouble once, told by whoever told it first."""
+    """Each problem once, reported by the first that noticed it."""
     return tuple({finding.key: finding for finding in reversed(found)}.values())[::-1]

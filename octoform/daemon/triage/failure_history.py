@@ -48,7 +48,7 @@ class Recall:
 
     ``instance`` is None when none ran, and empty before the first look: how long a process lived that ran already is
     not known, so its end is no short life.
-    ``applied``: there was an endpoint, and nobody destroyed it or was at work since who may have.
+    ``applied``: there was an endpoint, and no one destroyed it or was at work since who may have.
     ``seen`` is the uptime at which that process was first seen, ``places`` where each device was last seen, in sysfs.
     """
 

@@ -103,13 +103,13 @@ MOST = 50
 FOREIGN = "foreign"
 """What `Facts.damaged` says of a file that lies beside the accepted ones and is none of them."""
 SINGLE = 3
-"""Damaged files of one folder that are told one by one; more are told as the folder."""
+"""Damaged files of one folder that are told one by one; more are reported as the folder."""
 _STAGE_PARTS = 3
 _PACKAGE = re.compile(r"^(?P<name>[A-Za-z0-9][\w.-]*) (?:\S+ )?(?:is gone from|was added to|-> \S+ in) the serving env")
 _CONFLICT = re.compile(r"was added to the serving environment|both provide|provided by (two|several)")
 _SERVED = re.compile(r"^(server\.py|the runtime)\b")
 _OTHER_SERVER = re.compile(r"^server\.py is not the one that the endpoint was made for$")
-"""A damaged one is told by its path; one that was accepted since is told as such."""
+"""A damaged one is told by its path; one that was accepted since is reported as such."""
 _ELSEWHERE = re.compile(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
 """Reasons that are about the process, or about a check of former days: the process itself is asked instead."""
 _OF_PERSON = re.compile(r"built for another set of packages")
@@ -174,7 +174,7 @@ def _file(host: str, path: str, how: str) -> Finding:
 
 
 def _foreign(path: str) -> Finding:
-    """A file that nobody accepted, beside those that were: perhaps a person's, so nothing but to say so."""
+    """A file that no one accepted, beside those that were: perhaps a person's, so nothing but to say so."""
     kind, fault, target = Kind.FILE_DAMAGED, FaultClass.NONE, f"file:{path}"
     detail = "move it to another folder; what lies in a stage's folder is taken for part of its artifact"
     summary = f"{path} is none of the files that were accepted"
@@ -214,7 +214,7 @@ def _package(reason: str) -> Finding:
 
 
 def _imports(facts: Facts, recall: Recall) -> Iterator[Finding]:
-    """A package whose files are damaged inside is told by whoever imports it: a tool, or a start that failed."""
+    """A package whose files are damaged inside is reported by what imports it: a tool, or a start that failed."""
     said = {f"tool {name}": f"{each.error}: {each.message}" for name, each in sorted(recall.failing.items())}
     if facts.process is None and facts.stopped_by is None and facts.start_failed:
         said[THE_START] = facts.start_failed

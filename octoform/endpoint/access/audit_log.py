@@ -72,7 +72,7 @@ ALL = Wanted()
 
 
 def latest(layout: Layout, count: int, wanted: Wanted = ALL) -> tuple[list[Record], list[Diagnostic]]:
-    """Up to ``count`` of the wanted records, the latest last; lines that are no record are left out.
+    """Up to ``count`` of the wanted records, the latest last; lines that are no record are omitted.
 
     With a client, what came of its calls belongs to them, and does not count.
     """

@@ -1,7 +1,7 @@
 """Prove that the endpoint lives: a real client connects, lists its tools and calls every read tool for each device.
 
 A server can satisfy every schema and still be dead: a library without the function that a tool needs shows only when
-the tool is called, and a call that is not in the injected log is invisible to whoever watches the server.
+the tool is called, and a call that is not in the injected log is invisible to anyone who watches the server.
 """
 
 import json
@@ -118,7 +118,7 @@ def check(
     """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
 
     With ``smoke`` every tool of effect ``read`` is called for each of its devices, one call after the other, and then
-    again what answered at once with numbers, save for tools that write to a line which nobody knows; ``client`` is one
+    again what answered at once with numbers, save for tools that write to a line which no one knows; ``client`` is one
     that is being loaded already, and ends here. Never raises for what the server does. Takes two seconds of wall
     time, nearly all of it in other processes.
     """

@@ -18,12 +18,12 @@ from octoform.endpoint.policy import LINE
 
 @dataclass(frozen=True, slots=True)
 class TrialCall:
-    """One trial call, and its repetitions.
+    """One test call, and its repetitions.
 
     ``device`` is the one that the call was for, where it is known. ``skipped`` is the reason why there was none.
     ``error_class`` is the exception's class as the log tells it, or ``Timeout``, ``OutputSchema``, ``ResultRefused``,
     ``Protocol``, ``BadArgument``. ``logged`` means that call and result both stand in the log, ``ended_well`` is what
-    that result says. ``pictures`` holds
+    that result states. ``pictures`` holds
     ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255. ``results`` are the structured
     results of all calls that were made, ``raw`` the numbers that the tool read meanwhile, one table for each.
     """
@@ -79,7 +79,7 @@ def out_of_bounds(result: Any, schema: Any) -> list[str]:
 
 
 def has_content(result: Any) -> bool:
-    """Whether a result says anything: an empty list, null and a state called unknown prove no device."""
+    """Whether a result has anything: an empty list, null and a state called unknown prove no device."""
     if isinstance(result, Mapping):
         return any(has_content(value) for name, value in result.items() if name not in _NAMES)
     if isinstance(result, list):

@@ -171,7 +171,7 @@ def _result(message: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _report(message: Mapping[str, Any], number: int, progress: Progress) -> None:
-    """Tell of a progress notification of this very request; every other notification is nobody's."""
+    """Tell of a progress notification of this very request; every other notification is no one's."""
     told = message.get("params")
     if message.get("method") != "notifications/progress" or not isinstance(told, dict):
         return

@@ -51,7 +51,7 @@ def seen_of(tools: Iterable[str]) -> Sight:
 
 
 def record_sight(layout: Layout, asked: str | None, sight: Sight) -> None:
-    """Bring the record of the last check up to date where ``sight`` differs from it; the trial calls stay.
+    """Bring the record of the last check up to date where ``sight`` differs from it; the test calls stay.
 
     ``asked`` is what was `published` when it was asked: when another is published meanwhile, its own check is the
     newer word. A record that cannot be written changes nothing for the person who asked, so that is no problem of
@@ -80,7 +80,7 @@ DRY_RUN = "octoform/dry_run"
 REFUSED = "octoform/refused"
 """In the _meta of an error: why the endpoint itself did not make the call."""
 BEFOREHAND = "octoform -auto-approve"
-"""How this client calls itself when nobody will read what it is asked."""
+"""How this client calls itself when no one will read what it is asked."""
 MOST_QUESTIONS = 10
 
 
@@ -89,7 +89,7 @@ class Wanted:
     """A call to make; at most ``seconds`` for each of its answers.
 
     ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
-    schema. With ``dry_run`` the endpoint tells what it would do, and does nothing. ``approved``: a person said yes
+    schema. With ``dry_run`` the endpoint shows what it would do, and does nothing. ``approved``: a person said yes
     before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
     a person stopped is started.
     """
@@ -121,7 +121,7 @@ class CallResult:
 
 
 class Person(Protocol):
-    """Whoever waits for a call, as far as they are told and asked before its result is there."""
+    """Anyone who waits for a call, as far as they are notified and asked before its result is there."""
 
     def waiting(self) -> None:
         """The endpoint is being started, and that takes more than a second."""
@@ -130,24 +130,24 @@ class Person(Protocol):
         """How far the tool is, in its own words."""
 
     def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
-        """Whether the call may be made, as ``message`` asks; None when nobody can be asked."""
+        """Whether the call may be made, as ``message`` asks; None when no one can be asked."""
 
 
 class Nobody:
-    """Nobody waits, nobody can be asked."""
+    """No one waits, no one can be asked."""
 
     def waiting(self) -> None:
-        """Nobody is told."""
+        """No one is notified."""
 
     def progress(self, done: float, total: float | None, message: str) -> None:
-        """Nobody is told."""
+        """No one is notified."""
 
     def approves(self, tool: str, arguments: Mapping[str, Any], message: str) -> bool | None:
-        """Nobody answers: None."""
+        """No one answers: None."""
 
 
 class _NobodyAsked(Exception):
-    """A question came, and there is nobody to ask: no answer is sent, since every one would be a person's word."""
+    """A question came, and there is no one to ask: no answer is sent, since every one would be a person's word."""
 
 
 Tools = tuple[tuple[dict[str, Any], ...], tuple[Diagnostic, ...]]
@@ -174,7 +174,7 @@ def list_tools(
 def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called:
     """Call a tool of the live endpoint, which is started when nothing runs.
 
-    What the tool says of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
+    What the tool reports of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
     dead endpoint are diagnostics.
     """
     somebody = person or Nobody()

@@ -1,7 +1,7 @@
 """Build the serving environment of a lock, once, and drop those that no one needs.
 
 An environment is bound to its path, so it is built in place: a marker is written last, and a folder without it is
-a build that was cut off and is made anew. Only the lock's hashes are installed.
+a build that was cut off and is made again. Only the lock's hashes are installed.
 """
 
 import json
@@ -103,7 +103,7 @@ def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnosti
 def _share_bytecode(layout: Layout, environment: Environment) -> None:
     """Link the bytecode of another environment's equal files, which saves two CPU seconds of compiling.
 
-    Bytecode names the time and size of its source, so what does not fit is compiled anew; and Python replaces such
+    Bytecode names the time and size of its source, so what does not fit is compiled again; and Python replaces such
     files, never rewrites them, so a link is safe.
     """
     others = [at(path) for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]

@@ -71,7 +71,7 @@ def tool_environment() -> dict[str, str]:
 
 
 def is_network_failure(finished: Finished) -> bool:
-    """True when uv says that it could not reach an index."""
+    """True when uv reports that it could not reach an index."""
     return finished.timed_out or _NETWORK.search(finished.stderr) is not None
 
 

@@ -99,7 +99,7 @@ def installed(path: Path) -> list[str]:
 
 
 def contents(path: Path) -> list[str]:
-    """Every name in the folder that holds the packages, bytecode left out; empty when there is no environment."""
+    """Every name in the folder that holds the packages, bytecode omitted; empty when there is no environment."""
     try:
         with os.scandir(packages_of(path)) as entries:
             return [entry.name for entry in entries if entry.name != "__pycache__"]
@@ -113,7 +113,7 @@ def modules(path: Path) -> list[str]:
 
 
 def pins(lock_text: str) -> dict[str, str]:
-    """Normalised distribution name to exact version, as the lock says."""
+    """Normalised distribution name to exact version, as the lock states."""
     return {normal(name): version for name, version in _PIN.findall(lock_text)}
 
 

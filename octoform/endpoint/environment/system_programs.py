@@ -42,7 +42,7 @@ def named_programs(interface: Mapping[str, Any], environ: Mapping[str, str]) -> 
 
 
 def package_of(program: str, environ: Mapping[str, str]) -> str | None:
-    """The package that has a program, where the host's own database says so."""
+    """The package that has a program, where the host's own database reports that."""
     path = Path(environ.get(SYSROOT_VARIABLE) or "/") / COMMANDS
     if not path.is_file():
         return None
@@ -58,7 +58,7 @@ def package_of(program: str, environ: Mapping[str, str]) -> str | None:
 def missing_programs(layout: Layout, environ: Mapping[str, str]) -> dict[str, list[str]]:
     """Each program that is missing to the tools that need it, as INTERFACE says of them.
 
-    A program that INTERFACE does not name is the server's own choice: the trial finds it, and SERVE takes another way.
+    A program that INTERFACE does not name is the server's own choice: the test finds it, and SERVE takes another way.
     """
     text, named = _text(layout, "serve"), _descriptions(layout)
     needed = tools_starting(text) if text and named else {}

@@ -23,7 +23,7 @@ MOST_BYTES = 8_000_000
 
 
 def altered(folder: Path) -> list[str]:
-    """Installed files that are missing, or not what their distribution says: ``distribution: file``, sorted.
+    """Installed files that are missing, or not what their distribution states: ``distribution: file``, sorted.
 
     Reads every file once: a second for some hundred megabytes.
     """

@@ -30,7 +30,7 @@ class Client:
     ``table`` leads to its servers in the file. ``stdio(command)`` and ``http(url, bearer)`` are its forms of a
     server, ``http`` None where it has none. ``bearer`` is what stands for the token: ``reference``, or a value.
     ``variable`` is what holds it. ``prompt`` is an element of a list of the file that belongs to the HTTP form.
-    ``after`` says what a person has to do until the client sees a change.
+    ``after`` states what a person has to do until the client sees a change.
     """
 
     key: str

@@ -1,6 +1,6 @@
 """Put this host's endpoint into a client's own file, look for it there, and take it out again.
 
-Nothing else of the file is touched. What stands there under our name counts as ours only when it starts our command
+Nothing else of the file is touched. What is there under our name counts as ours only when it starts our command
 or refers to a token of octoform's; anything else was put there by a person and is refused.
 """
 
@@ -105,7 +105,7 @@ def _beside(path: Path) -> list[Path]:
 
 
 def former_texts(path: Path) -> dict[Path, str]:
-    """The texts of what was kept, the latest first; one that cannot be read is left out."""
+    """The texts of what was kept, the latest first; one that cannot be read is omitted."""
     texts = {}
     for item in backups(path):
         found = find(item)
@@ -174,7 +174,7 @@ def unreadable(path: Path, text: str, found: Unreadable) -> Diagnostic:
 
 
 TRIES = 3
-"""How often a file is read anew that its client changed meanwhile."""
+"""How often a file is read again that its client changed meanwhile."""
 PRIVATE = 0o600
 
 
@@ -311,7 +311,7 @@ def install(client: Client, around: Surroundings, server: Server) -> Outcome | D
 
 
 def remove(client: Client, around: Surroundings, server: Server) -> Outcome | Diagnostic:
-    """Take the endpoint out; what was there before stands there again, byte for byte when nothing else changed."""
+    """Take the endpoint out; what was there before is there again, byte for byte when nothing else changed."""
     path = file_of(client, around, server)
     for _ in range(TRIES):
         found = find(path)
@@ -387,7 +387,7 @@ def _transport(entry: Any) -> str:
 
 
 def _masked(hunks: tuple[Hunk, ...], secret: str | None) -> tuple[Hunk, ...]:
-    """What may be shown: a token's value stands in the file alone."""
+    """What may be shown: a token's value is in the file alone."""
     if secret is None:
         return hunks
     return tuple(Hunk(h.line, h.removed.replace(secret, "[token]"), h.added.replace(secret, "[token]")) for h in hunks)

@@ -59,7 +59,7 @@ class Node:
 
 
 def scan(text: str) -> Node | Unreadable | None:
-    """The one value of a text; None when it holds nothing but blanks and comments."""
+    """The one value of a string; None when it holds nothing but blanks and comments."""
     reader = _Reader(text)
     try:
         start = reader.skip(0)
@@ -194,7 +194,7 @@ _UNIT = "  "
 
 
 def read(text: str) -> dict[str, Any] | Unreadable:
-    """The plain content; a document must be an object, in which no name on the way to a server stands twice."""
+    """The plain content; a document must be an object, in which no name on the way to a server is twice."""
     root = scan(text)
     if root is None:
         return {}
@@ -321,7 +321,7 @@ def _own_line(text: str, member: Member) -> bool:
 
 
 def _begun(text: str, value: Any) -> str:
-    """A document behind what stands there: nothing, or comments."""
+    """A document behind what is there: nothing, or comments."""
     newline = line_end(text)
     lead = text + (newline if text and not text.endswith(("\n", "\r")) else "") if text.strip() else ""
     return lead + json.dumps(value, indent=2, ensure_ascii=False).replace("\n", newline) + newline
@@ -359,7 +359,7 @@ def _inserted(text: str, node: Node, form: _Form, key: str | None, value: Any) -
 
 
 def _apart(text: str, begin: int, end: int, lead: str) -> str:
-    """What parts a new member from what stands before; behind a comment to the end of the line, a line end."""
+    """What parts a new member from what is before; behind a comment to the end of the line, a line end."""
     comments = [found[0] for found in COMMENT.finditer(text, begin, end)]
     if comments and comments[-1].startswith("//") and not lead.startswith(("\n", "\r")):
         return line_end(text) + indent_at(text, begin)

@@ -169,7 +169,7 @@ def _alike_signs(one: str, other: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Step:
-    """One change of a text; the kinds are the functions of a notation, and those for lists."""
+    """One change of a string; the kinds are the functions of a notation, and those for lists."""
 
     kind: str
     path: Path
@@ -242,7 +242,7 @@ def _drop_steps(content: Mapping[str, Any], past: Mapping[str, Any], path: Path)
 
 
 def _blocked(notation: Notation, text: str, content: Mapping[str, Any], client: Client, wish: Wish) -> Taken | None:
-    """Something on the way is of another kind than what has to stand there."""
+    """Something on the way is of another kind than what has to be there."""
     for number in range(1, len(wish.table) + 1):
         way = wish.table[:number]
         value = at(content, way)

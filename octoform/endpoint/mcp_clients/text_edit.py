@@ -15,7 +15,7 @@ _LINE_END = re.compile(r"\r\n|\n|\r")
 
 @dataclass(frozen=True, slots=True)
 class Unreadable:
-    """Why a text cannot be read or not be changed; ``offset`` is the place, None for the whole of it."""
+    """Why a string cannot be read or not be changed; ``offset`` is the place, None for the whole of it."""
 
     reason: str
     offset: int | None = None
@@ -25,10 +25,11 @@ class Unreadable:
 class Notation:
     """One notation of configuration files.
 
-    ``read(text)`` is the plain content, {} for a text without any. ``put(text, path, value)`` sets one value, making
+    ``read(text)`` is the plain content, {} for a string without any. ``put(text, path, value)`` sets one value, making
     the tables on the way; ``drop(text, path)`` takes a member away, the text as it is when there is none. Both want a
     text that can be read and a way that is not blocked by a value of another kind, and give the new text, or why the
-    text has no room for the change. ``where(text, path)`` is the offset of a member, None where that cannot be told.
+    text has no room for the change. ``where(text, path)`` is the offset of a member, None where that cannot be
+    determined.
     """
 
     read: Callable[[str], "dict[str, Any] | Unreadable"]

@@ -1,7 +1,7 @@
 """Change one table of a TOML text, with comments, order and line ends kept.
 
 A new table is written at the end, and one is taken away by its lines: both leave every other character alone. What
-stands inside other text (an inline table, a setting of a table that is there) is changed by tomlkit, the one library
+is inside other text (an inline table, a setting of a table that is there) is changed by tomlkit, the one library
 that keeps comments; it is imported only then.
 """
 

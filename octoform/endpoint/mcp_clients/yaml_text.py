@@ -1,7 +1,7 @@
 """Change one entry of a YAML text, with comments, order, quotes and line ends kept.
 
 A round trip through a library keeps comments, but sets indentation, quotes and long lines in its own way. Here the
-library only tells where every value stands (composed nodes with their marks); the text is changed at that place
+library only shows where every value stands (composed nodes with their marks); the text is changed at that place
 alone. What comes in is written with JSON's strings and lists, which every YAML reader takes. (Heavy: ruamel.)
 """
 
@@ -127,7 +127,7 @@ def _composed(text: str) -> _Node | Unreadable | None:
 
 
 def _node(found: Any, text: str, after: int) -> _Node:
-    """The node of a value that stands behind ``after``; an alias is none of what it refers to."""
+    """The node of a value that is behind ``after``; an alias is none of what it refers to."""
     if found.start_mark.index < after:
         alias = _ALIAS.search(text, after)
         end = alias.end() if alias else after
@@ -149,7 +149,7 @@ def _node(found: Any, text: str, after: int) -> _Node:
 
 
 def _end(text: str, node: _Node) -> int:
-    """Behind the last character of a value; a block's own mark stands at the beginning of what comes next."""
+    """Behind the last character of a value; a block's own mark is at the beginning of what comes next."""
     while not node.flow and node.last is not None:
         node = node.last
     return len(text[: node.end].rstrip())

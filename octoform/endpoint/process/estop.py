@@ -33,7 +33,7 @@ class StopAction:
 class Estop:
     """What was done. ``ok``: all of it. ``by``, ``reason``, ``since``: of the latch as it is, or as it was before it
     was cleared; None when it was open. ``direct``: no process answered, so octoform did it itself. ``lasting``: it is
-    latched on the disk; where it is latched and this is false, it holds while the process runs, and no longer."""
+    engaged on the disk; where it is engaged and this is false, it holds while the process runs, and no longer."""
 
     host: str
     ok: bool
@@ -100,7 +100,7 @@ def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct
 
 
 def is_latched(layout: Layout) -> bool:
-    """Whether the latch is on the disk; a place that cannot be looked at counts as latched, as for the gate."""
+    """Whether the latch is on the disk; a place that cannot be looked at counts as engaged, as for the gate."""
     try:
         os.lstat(layout.run / LATCH)
     except FileNotFoundError:

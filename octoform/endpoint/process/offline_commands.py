@@ -24,7 +24,7 @@ SECONDS = 20.0
 def ask(layout: Layout, verb: str, asked: Mapping[str, Any]) -> dict[str, Any]:
     """What ``server/offline.py VERB`` answers: ``ok``, ``problems`` and what the verb has.
 
-    When it answers nothing that can be read, ``ok`` is false and ``problems`` says why.
+    When it answers nothing that can be read, ``ok`` is false and ``problems`` states why.
     """
     return run(SERVER / "offline.py", verb, str(layout.endpoint), json.dumps(asked))
 

@@ -1,4 +1,4 @@
-"""The running endpoint: its own record, believed only where the kernel says the same, and what its process answers.
+"""The running endpoint: its own record, believed only where the kernel reports the same, and what its process answers.
 
 Light: the pipe of every client and every plan ask this.
 """
@@ -47,7 +47,7 @@ class Running:
 
     ``start`` is when it started, in clock ticks since boot: with the pid, the boot and the command line it names
     the process for certain. ``instance`` tells one start of the endpoint from another.
-    ``mark`` stands in its environment as MARK, and in that of all that its tools started (None: started by hand).
+    ``mark`` is in its environment as MARK, and in that of all that its tools started (None: started by hand).
     """
 
     pid: int
@@ -117,12 +117,12 @@ class Stop:
     at: str = ""
 
     def describe(self, host: str) -> str:
-        """One sentence for whoever finds it stopped."""
+        """One sentence for anyone who finds it stopped."""
         return f"the endpoint of {host} was stopped by {self.by}" + (f" at {self.at}" if self.at else "")
 
 
 def mark(layout: Layout) -> Diagnostic | None:
-    """Say that a person wants the endpoint stopped; why it could not be said, None when it is."""
+    """Say that a person wants the endpoint stopped; why it could not be stated, None when it is."""
     document = {"format": 1, "by": _person(), "at": clock.stamp()}
     try:
         private_folder(layout.run)
@@ -137,7 +137,7 @@ def unmark(layout: Layout) -> None:
 
 
 def is_marked(layout: Layout) -> bool:
-    """True while a person wants it stopped; whatever stands in the mark's place counts."""
+    """True while a person wants it stopped; whatever is in the mark's place counts."""
     return os.path.lexists(layout.stop_mark)
 
 

@@ -33,9 +33,9 @@ TAKEN = 75
 LARGE_LOG = 10_000_000
 """Bytes of the process's own log above which a start begins a new one."""
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
-"""Variables that the process gets of whoever starts it: no secrets, and the same from every place."""
+"""Variables that the process gets of anyone who starts it: no secrets, and the same from every place."""
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777216"}
-"""Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped anew each time."""
+"""Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped again each time."""
 ROOM_BYTES = 256 * 1024
 """What a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
 START_THREADS = 8
@@ -176,7 +176,7 @@ class _Begun(Protocol):
 
 
 class _Detached:
-    """A process that was started here and belongs to nobody."""
+    """A process that was started here and belongs to no one."""
 
     def __init__(self, layout: Layout) -> None:
         import subprocess  # here, so that a client's pipe to a running endpoint does not load it
@@ -249,7 +249,7 @@ def _private(path: Path) -> int:
 
 
 def _held(layout: Layout) -> Diagnostic:
-    """The kernel says that a process owns the endpoint, and no record says which: none that was written here."""
+    """The kernel reports that a process owns the endpoint, and no record states which: none that was written here."""
     return error(
         "ENDPOINT-START-FAILED",
         "the endpoint did not start: a process that has no record of this machine serves this folder",

@@ -1,7 +1,7 @@
 """The endpoint as a service of systemd, of one person's own manager: the unit's text, and the few words to systemctl.
 
-While a unit of ours is installed, systemd owns the process: whoever starts or stops the endpoint asks systemd, so that
-there is one supervisor and not two. Light until systemctl is really asked.
+While a unit of ours is installed, systemd owns the process: anyone who starts or stops the endpoint asks systemd, so
+that there is one supervisor and not two. Light until systemctl is really asked.
 """
 
 import os
@@ -115,7 +115,7 @@ def plain(text: str) -> str:
 
 
 def fits(layout: Layout) -> bool:
-    """True when the paths can stand in a unit: a line break in one cannot."""
+    """True when the paths can be in a unit: a line break in one cannot."""
     return not any(character in str(layout.project) for character in "\r\n\0")
 
 

@@ -1,1 +1,1 @@
-"""The log that nobody can change unseen."""
+"""The log that no one can change unseen."""

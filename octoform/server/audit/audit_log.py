@@ -39,7 +39,7 @@ class OwnFile:
     def __init__(self, path: Path, how: int) -> None:
         """Open ``path``, made if it is not there, private; OSError when that cannot be.
 
-        What stands in its place and is no file (a link, a pipe, a folder) is set aside: a log or a seal that went away
+        What is in its place and is no file (a link, a pipe, a folder) is set aside: a log or a seal that went away
         shows in the chain, and without a log nothing that moves could be called any more.
         """
         make_way(path)
@@ -130,7 +130,7 @@ class Audit:
         """Append a record and give back its hash; AuditFailed when it is not on the log.
 
         Fields are bounded: long text is cut, deep or long collections are abridged, values of arguments whose names
-        speak of secrets are left out. Any text passes, whatever characters it has.
+        speak of secrets are omitted. Any text passes, whatever characters it has.
         """
         return self.write_all([(event, fields)])
 
@@ -193,7 +193,7 @@ class Audit:
         return self._log.number
 
     def _sealing(self, path: Path) -> int:
-        """A seal's descriptor, opened anew when something took it away."""
+        """A seal's descriptor, opened again when something took it away."""
         seal = self._seals.get(path)
         if seal is None or not seal.held():
             seal = self._seals[path] = OwnFile(path, os.O_RDWR)
@@ -298,7 +298,7 @@ class Audit:
 
 
 def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:
-    """Number and hash of the last whole record, what stands behind it, and whether it says that the file is done."""
+    """Number and hash of the last whole record, what is behind it, and whether it states that the file is done."""
     lines = os.pread(log, LONGEST_LINE, max(0, size - LONGEST_LINE)).split(b"\n")
     fragment = lines.pop()
     for line in reversed(lines):

@@ -1,7 +1,8 @@
 """The chain of the audit log: the one rule of its hash, and the check that every record is as it was written.
 
 Alone in a file that imports nothing of the launcher, so that it is a program as well: ``python -I chain.py verify
-FOLDER [WITNESS]``. The process writes by this rule, whoever doubts the log checks by it, and no second copy exists.
+FOLDER [WITNESS]``. The process writes by this rule, a person who doubts the log checks by it, and no second copy
+exists.
 
 A record is one line: ``{"seq":...,"time":...,"event":...,...,"prev":"<hash>","hash":"<hash>"}``. Its hash is sha256
 over the hash of the record before it and its own bytes up to where ``prev`` begins.
@@ -62,7 +63,7 @@ def verify(folder: Path, witness: Path | None = None) -> Verdict:
 
 
 class _Check:
-    """One run over all records; goes on after a fault with what the faulty record says, to count further ones."""
+    """One run over all records; goes on after a fault with what the faulty record states, to count further ones."""
 
     def __init__(self, folder: Path, witness: Path | None) -> None:
         self._folder = folder
@@ -114,7 +115,7 @@ class _Check:
         return f"{gap} before record {number} went missing: removed or moved"
 
     def _settle(self, following: "re.Match[bytes] | None") -> None:
-        """A line that is no record is a fault, unless the next record says that it closed off just this fragment."""
+        """A line that is no record is a fault, unless the next record states that it closed off just this fragment."""
         if self._unreadable is None:
             return
         file, number, line = self._unreadable
@@ -168,11 +169,11 @@ def _seal_at(path: Path) -> tuple[int, str] | None:
 
 
 class _NoFile(OSError):
-    """A link, pipe, device or folder stands in the place of a log or seal."""
+    """A link, pipe, device or folder is in the place of a log or seal."""
 
 
 def _at_once(name: str, flags: int) -> int:
-    """The descriptor of a regular file; what else stands in its place may have no end, and is not waited for."""
+    """The descriptor of a regular file; what else is in its place may have no end, and is not waited for."""
     if not stat.S_ISREG(os.lstat(name).st_mode):
         raise _NoFile(errno.EINVAL, "it is no regular file", name)
     return os.open(name, flags | os.O_NONBLOCK | os.O_NOFOLLOW)

@@ -1,7 +1,7 @@
-"""One call at a time on a bus, in the order in which they came, whoever sent them.
+"""One call at a time on a bus, in the order in which they came, no matter who sent them.
 
 A bus is a device's wire: two calls on it at once would mix their bytes. A call that never returned keeps its bus, since
-nobody can know what its thread still does there; whoever comes after it hears so at once and does not wait in vain.
+no one can know what its thread still does there; whoever comes after it hears so at once and does not wait in vain.
 The same queue bounds how many calls of one tool, and how many at all, may run: a tool that hangs cannot take the
 threads of the others.
 
@@ -53,7 +53,7 @@ class Bus:
         self._waiting: deque[tuple[asyncio.Future[None], Holder]] = deque()
 
     def free(self) -> bool:
-        """Whether it can be had without waiting: nobody stands in line, and none that holds it is stuck."""
+        """Whether it can be had without waiting: no one is in line, and none that holds it is stuck."""
         return len(self.holders) < self.capacity and not self._waiting and not self._stuck()
 
     async def take(self, holder: Holder, deadline: float) -> None:
@@ -99,7 +99,7 @@ class Bus:
         self._waiting.clear()
 
     def overtake(self) -> None:
-        """A tool that stops the device was called: what moves and stands in line came before, and hears so."""
+        """A tool that stops the device was called: what moves and is in line came before, and hears so."""
         self.stops += 1
         for turn, asks in self._waiting:
             if asks.effect != "read" and not turn.done():
@@ -176,7 +176,7 @@ def release(buses: Sequence[Bus], holder: Holder) -> None:
 
 
 def abandon(buses: Sequence[Bus], holder: Holder, kept: Callable[[Bus], bool]) -> None:
-    """The call is stuck: it keeps the buses that ``kept`` names, and whoever waits for one of those hears so."""
+    """The call is stuck: it keeps the buses that ``kept`` names, and anyone who waits for one of those hears so."""
     holder.stuck = True
     for bus in buses:
         if kept(bus):

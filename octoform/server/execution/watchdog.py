@@ -169,7 +169,7 @@ LOG = logging.getLogger("octoform.server")
 EVERY = 0.5
 """Seconds between two looks, and what a loop has for one turn when a call on it is over its time."""
 BLOCKED_SECONDS = 2.0
-"""What a loop has for one turn else. Counted in looks, so that a machine that slept or had no time blames nobody."""
+"""What a loop has for one turn else. Counted in looks, so that a machine that slept or had no time blames no one."""
 _LOOP = asyncio.Handle._run.__code__
 """Where the event loop calls what is ready."""
 _PACKAGES = tuple(f"{place}{os.sep}" for place in (Path(__file__).parents[1], Path(files.__file__).parent))
@@ -221,7 +221,7 @@ class Watchdog:
         self._calls.discard(call)
 
     def cover(self, folder: Path) -> None:
-        """Files below ``folder`` are generated code, whoever runs it: also a task that a tool left behind."""
+        """Files below ``folder`` are generated code, no matter who runs it: also a task that a tool left behind."""
         self._generated = str(folder) + os.sep
 
     def arm(self, frames: frozenset[CodeType]) -> bool:

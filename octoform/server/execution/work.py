@@ -47,7 +47,7 @@ class Patience:
 
 
 class Stopped(FastMCPError):
-    """The device work was stopped; ``ended`` says whether it is over.
+    """The device work was stopped; ``ended`` states whether it is over.
 
     ``cause`` is timeout, blocked (it held up every other call), cancelled, estop or shutdown.
     """
@@ -70,7 +70,7 @@ class Work:
     """The device work of one call, from before it begins until its code has really ended.
 
     ``on_end`` is called once, on the event loop, when the code ended or it is certain that it will not begin;
-    ``on_stuck`` when it goes on although it was told to stop.
+    ``on_stuck`` when it goes on although it was instructed to stop.
     """
 
     __slots__ = (
@@ -194,7 +194,7 @@ class Work:
         return Stopped(self.cause or self.halted or ("blocked" if self.blocked else "timeout"), ended)
 
     def _report(self, value: Any, problem: BaseException | None) -> None:
-        """On the event loop: the tool's code has ended. Whatever ending it raises, whoever waits is told."""
+        """On the event loop: the tool's code has ended. Whatever ending it raises, anyone who waits is notified."""
         try:
             self._end()
         finally:
@@ -303,7 +303,7 @@ def told(work: Work, problem: BaseException) -> BaseException:
 
 
 def masked(work: Work, problem: BaseException) -> ToolError:
-    """The error that names nothing but a reference, under which the exception stands in the server's log."""
+    """The error that names nothing but a reference, under which the exception is in the server's log."""
     work.reference = os.urandom(4).hex()
     LOG.error("reference %s: the tool %s failed inside", work.reference, work.tool, exc_info=problem)
     work.told = error = ToolError(f"the tool failed inside (reference {work.reference})", log_level=logging.DEBUG)

@@ -1,1 +1,1 @@
-"""What stands before each call of a tool: its registration, validation, elicitation, and what is answered."""
+"""What is before each call of a tool: its registration, validation, elicitation, and what is answered."""

@@ -48,7 +48,7 @@ _KINDS: dict[str, Callable[[Any], bool]] = {
 def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
     """What gives the arguments as ``function`` will receive them, with defaults; raises pydantic's ValidationError.
 
-    A parameter may bear another name in the schema than in the code (an alias). Whoever calls, limits and approves
+    A parameter may bear another name in the schema than in the code (an alias). Anyone who calls, limits and approves
     knows the schema alone, so that name is the one that counts.
     """
     bare = without_injected_parameters(function, run_in_thread=False)

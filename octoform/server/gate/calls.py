@@ -1,7 +1,7 @@
 """One call on its way through the gate, and what is written about it.
 
 Each executed call leaves two records: what was decided, before its code begins, and what came of it. A refused one
-leaves one. When a record cannot be written, nothing that moves may happen; a reading goes on, and says so.
+leaves one. When a record cannot be written, nothing that moves may happen; a reading goes on, and states that.
 """
 
 import asyncio
@@ -33,7 +33,7 @@ Record = tuple[str, Mapping[str, Any]]
 
 
 class CallRefused(Exception):
-    """The call is not made; ``code`` for programs, the text for whoever called."""
+    """The call is not made; ``code`` for programs, the text for anyone who called."""
 
     def __init__(self, code: str, text: str) -> None:
         super().__init__(text)
@@ -83,7 +83,7 @@ class Call:
 
     @property
     def confirms(self) -> bool:
-        """Whether a person has to confirm it; of what a claim denies nobody is asked."""
+        """Whether a person has to confirm it; of what a claim denies no one is asked."""
         return self.entry.policy.decision == "confirm" or bool(self.restricted)
 
     @property
@@ -101,7 +101,7 @@ class Call:
         }
 
     def words(self) -> str:
-        """How far it is, for whoever waits for it."""
+        """How far it is, for anyone who waits for it."""
         if self.work is not None or self.holder is None:
             return f"{self.entry.name} is running"
         waiting = next((queue.words(self.holder) for queue in self.entry.queues if not queue.free()), "it waits")
@@ -109,7 +109,7 @@ class Call:
 
 
 class Records:
-    """Writes the records of calls; ``problem`` says why the last one could not be written, else None.
+    """Writes the records of calls; ``problem`` states why the last one could not be written, else None.
 
     Every decision is on the log before the tool begins, the outcome of what moves before the answer goes. Outcomes of
     readings are kept back for at most ``HELD`` seconds and go in one write: it would be half of what the gate costs.
@@ -222,7 +222,7 @@ class Seen:
 
 
 def seen(policy: ToolPolicy, arguments: Mapping[str, Any], content: Any) -> Seen:
-    """What stands in a result of a call, of those units that have a range."""
+    """What is in a result of a call, of those units that have a range."""
     units = policy.units
     if units is None or not policy.places:
         return Seen({})

@@ -88,8 +88,8 @@ class Question:
 @dataclass(frozen=True, slots=True)
 class Reply:
     """What came of asking. ``code`` is approved, asked, declined, cancelled, unanswered, unable or replayed;
-    ``ask`` is the answer to send for asked, ``text`` what the client is told of everything but approved, ``approval``
-    the number of the question."""
+    ``ask`` is the answer to send for asked, ``text`` what the client is notified of everything but approved,
+    ``approval`` the number of the question."""
 
     code: str
     text: str = ""
@@ -152,7 +152,7 @@ class Approvals:
         return dataclasses.replace(await self._ask_now(question, context), approval=approval)
 
     def answered(self, question: Question, message: CallToolRequestParams) -> Reply | None:
-        """The person's answer, when the call brings one; None when nobody was asked yet. An answer counts once."""
+        """The person's answer, when the call brings one; None when no one was asked yet. An answer counts once."""
         nonce = _nonce(message.request_state)
         if nonce is None:
             return None if message.request_state is None and not message.input_responses else REPLAYED
@@ -167,7 +167,7 @@ class Approvals:
         return dataclasses.replace(reply, approval=asked.approval)
 
     def end(self) -> None:
-        """Close every question; nobody can answer any more."""
+        """Close every question; no one can answer any more."""
         for nonce in tuple(self._open):
             self._lapse(nonce, "the endpoint ended before anybody answered, so the call was not made")
 

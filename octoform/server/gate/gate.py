@@ -121,7 +121,7 @@ class Gate(Middleware):
         WATCHDOG.disarm()
 
     def halt(self, cause: str = "estop", everything: bool = False) -> list[Work]:
-        """Interrupt what moves, from any thread; ``everything``: readings too. What was told to stop.
+        """Interrupt what moves, from any thread; ``everything``: readings too. What was instructed to stop.
 
         To be called once the latch is closed: what is not among these has not looked at it yet.
         """
@@ -194,7 +194,7 @@ class Gate(Middleware):
         return call
 
     def _judge(self, call: Call) -> None:
-        """Everything that can be told without waiting for anybody; CallRefused says what stands against the call."""
+        """Everything that can be told without waiting for anybody; CallRefused states what stands against the call."""
         entry = call.entry
         self._look_again(call)
         if entry.policy.decision == "deny":
@@ -413,7 +413,7 @@ class Gate(Middleware):
             self._records.write("ended", call=call.identity, tool=call.entry.name, ms=took)
 
     def _abandon(self, call: Call) -> None:
-        """The tool's code goes on although it was stopped, and perhaps for ever."""
+        """The tool's code goes on although it was stopped, and perhaps permanently."""
         self._records.write("stuck", call=call.identity, tool=call.entry.name, buses=list(call.entry.policy.buses))
         if call.holder is not None:
             abandon(call.entry.queues, call.holder, self._entries.keeps)

@@ -28,7 +28,7 @@ def error(text: str) -> ToolResult:
 
 
 def estop(stop: Estop) -> CallRefused:
-    """Nothing that moves is called while the emergency stop is latched."""
+    """Nothing that moves is called while the emergency stop is engaged."""
     return CallRefused(
         "estop",
         f"emergency stop: engaged by {stop.by} at {stop.since or 'an unknown time'} "
@@ -152,7 +152,7 @@ def _short(value: Any) -> bool:
 
 
 def _words(fault: Mapping[str, Any]) -> str:
-    """What the validation says, as the end of a sentence."""
+    """What the validation states, as the end of a sentence."""
     text = " ".join(str(fault["msg"]).split())
     text = text.removeprefix("Value error, ").removeprefix("Assertion failed, ").rstrip(".")
     if text.startswith("Input should"):
@@ -164,7 +164,7 @@ def _place(loc: Sequence[int | str], schema: Mapping[str, Any]) -> _Place:
     """The argument's name, with what it is within it.
 
     For a name that the schema does not have, the part is the object that has no such name. The validation also names
-    the ways it tried to read a value, which are in no schema: what is behind them is told as of the whole value.
+    the ways it tried to read a value, which are in no schema: what is behind them is reported as of the whole value.
     """
     name, part = "", schema
     for step in loc:
@@ -193,7 +193,7 @@ def _known(part: Mapping[str, Any]) -> str:
 
 
 def _allowed(part: Mapping[str, Any], depth: int) -> str:
-    """What a schema lets pass, in words; empty when it says nothing about it."""
+    """What a schema lets pass, in words; empty when it states nothing about it."""
     if "const" in part or "enum" in part:
         values = [part["const"]] if "const" in part else list(part["enum"])
         return _either([json.dumps(value) for value in values[:40]])

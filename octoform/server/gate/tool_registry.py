@@ -1,7 +1,7 @@
 """What is worked out about each tool when the server is loaded, so that a call costs next to nothing.
 
-A call looks up one object here: what the policy says, how its arguments are coerced, how its result is compared, which
-queues it stands in. A tool that the policy does not know has no entry, and without an entry nothing is called.
+A call looks up one object here: what the policy states, how its arguments are coerced, how its result is compared,
+which queues it is in. A tool that the policy does not know has no entry, and without an entry nothing is called.
 """
 
 import dataclasses
@@ -40,7 +40,7 @@ CHANGING = frozenset({"enable_components", "disable_components", "reset_visibili
 class Entry:
     """One tool. ``queues`` in the order in which they are taken; ``silent`` when the tool cannot report progress;
     ``schema`` is that of its arguments; ``pinned`` the tool itself where its name always means it, ``plain`` the same
-    where its function needs nothing but its arguments; ``flaw`` says which limit is about no argument of it, if any;
+    where its function needs nothing but its arguments; ``flaw`` states which limit is about no argument of it, if any;
     ``ends`` are the buses of the devices that it stops."""
 
     name: str
@@ -140,7 +140,7 @@ class Entries:
 
 
 def _pinned(tool: Tool) -> FunctionTool | None:
-    """The tool itself where nobody but its own server decides who may call it; else None."""
+    """The tool itself where no one but its own server decides who may call it; else None."""
     if not isinstance(tool, FunctionTool) or tool.auth is not None:
         return None
     code = getattr(inspect.unwrap(tool.fn), "__code__", None)
@@ -203,7 +203,7 @@ def pin(server: Any, entries: Entries) -> None:
 
 
 def innermost(server: Any, middleware: Any, tool: Tool) -> bool:
-    """Whether nothing stands between this middleware and the tool."""
+    """Whether nothing is between this middleware and the tool."""
     return _steady(server, tool) and server.middleware[-1] is middleware and not server._extensions
 
 

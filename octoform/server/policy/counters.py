@@ -1,13 +1,13 @@
 """What was counted for the limits, and the file that keeps it over a restart.
 
 Each counted call appends one line before the call goes on: the sums and last values of its tool, and its own moment
-alone, however many moments there are already. When the lines outgrow what they stand for, the file is written anew
+alone, however many moments there are already. When the lines outgrow what they stand for, the file is written again
 with one line for each tool, which holds all. (Replacing it for each call would cost a tenth of a millisecond.) A file
-that is cut off, empty or not wholly understood is damaged: nobody knows what it lost.
+that is cut off, empty or not wholly understood is damaged: no one knows what it lost.
 
-Times are those of the clock that only goes forward; they hold as they are while the machine has not been started anew.
-After that the wall clock says how much time went by, and where it went backwards, none did: a cooldown then lasts once
-more, but not for ever.
+Times are those of the clock that only goes forward; they hold as they are while the machine has not been started again.
+After that the wall clock states how much time went by, and where it went backwards, none did: a cooldown then lasts
+once more, but not permanently.
 """
 
 import json
@@ -194,7 +194,7 @@ class Counters:
         return used
 
     def _of(self, item: Mapping[str, Any], moments: list[float]) -> Used:
-        """What the last line of a tool says, with the moments of all its lines."""
+        """What the last line of a tool reports, with the moments of all its lines."""
         kept, now = int(item.get("kept", len(moments))), self._clock()
         if not 0 <= kept <= len(moments):
             raise ValueError("it has lost moments of calls")
@@ -216,5 +216,5 @@ def _encoded(document: Mapping[str, Any]) -> bytes:
 
 
 def _plain(value: Fraction) -> float:
-    """A float, or an int for a whole number."""
+    """A float, or an int for an integer."""
     return value.numerator if value.denominator == 1 else float(value)

@@ -74,7 +74,7 @@ _BITS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """Why a call is not let through: ``code`` for a program, ``text`` for whoever called and for a person.
+    """Why a call is not let through: ``code`` for a program, ``text`` for anyone who called and for a person.
 
     Codes are the kinds of limits, and no_number, unknown_tool, counters_damaged, counters_unwritable, reported.
     """
@@ -232,7 +232,7 @@ class Ledger:
         return None
 
     def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
-        """What one limit says."""
+        """What one limit states."""
         if limit.kind == "goal":
             return _of_goal(tool, limit, self._tools[tool].units, arguments)
         if limit.parameter:
@@ -339,7 +339,7 @@ def _value(limit: Limit, arguments: Mapping[str, Any]) -> Fraction | None:
 
 
 def exact(number: float) -> Fraction:
-    """A finite number as its shortest decimal writing says."""
+    """A finite number as its shortest decimal writing states."""
     return Fraction(number) if isinstance(number, int) else Fraction(repr(number))
 
 
@@ -415,7 +415,7 @@ def _unit(limit: Limit) -> str:
 
 
 def _number(value: Fraction) -> str:
-    """As a person writes it: whole numbers without a point, others with as many digits as a float has."""
+    """As a person writes it: integers without a point, others with as many digits as a float has."""
     try:
         return _cut(str(value.numerator) if value.denominator == 1 else repr(float(value)))
     except OverflowError:

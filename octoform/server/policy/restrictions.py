@@ -1,11 +1,11 @@
 """What claims restrict for now: read from the file that octoform writes, let go of here at the moment each one names.
 
-A claim is a conclusion, and whoever drew it may be gone or wrong. So it does not last by itself: an entry counts in
+A claim is a conclusion, and anyone who drew it may be gone or wrong. So it does not last by itself: an entry counts in
 the start of the machine that it names and until its moment, whether or not anybody lives to take it back. A permanent
 restriction is a person's decision: it has no moment, and only a file that no longer names it ends it. A file that
-cannot be read, or is gone, ends what is temporary, and that is said: a restriction that nobody can justify is none.
+cannot be read, or is gone, ends what is temporary, and that is stated: a restriction that no one can justify is none.
 Where the ledger of claims cannot be read either, and never was the file, nothing moves: a person may have forbidden it.
-Readings and tools that stop are never restricted, whatever the file says.
+Readings and tools that stop are never restricted, whatever the file states.
 """
 
 import enum
@@ -38,7 +38,7 @@ Tell = Callable[[str, Mapping[str, Any]], None]
 class Subject:
     """A call, as far as a restriction is about it: ``devices`` are those that it may reach.
 
-    ``units`` says which units of them it acts on, ``known`` each device's units, by every word of its tools for one.
+    ``units`` states which units of them it acts on, ``known`` each device's units, by every word of its tools for one.
     """
 
     tool: str
@@ -54,7 +54,7 @@ class Subject:
         return device == named if named in self.devices else device in self.devices
 
     def acts_on(self, device: str, words: frozenset[str]) -> bool:
-        """Whether it acts on the unit of a device that these words mean; True where that cannot be told."""
+        """Whether it acts on the unit of a device that these words mean; True where that cannot be determined."""
         if self.units is None or words.isdisjoint(self.known.get(device, ())):
             return True
         return self.units.acts_on(words, self.arguments)
@@ -66,8 +66,8 @@ class Entry:
 
     With ``device`` it concerns every call that reaches it and acts on one of ``units`` (words for one unit; none: the
     whole device). Else it concerns calls of ``tool`` (empty: all) whose ``arguments`` have one of these values each.
-    ``effect`` is deny or confirm; ``expires`` in seconds of CLOCK_BOOTTIME, None until a person ends it; ``kind`` says
-    what a permanent one declares.
+    ``effect`` is deny or confirm; ``expires`` in seconds of CLOCK_BOOTTIME, None until a person ends it; ``kind``
+    states what a permanent one declares.
     """
 
     claim: str
@@ -91,7 +91,7 @@ class Entry:
 
     @property
     def words(self) -> str:
-        """For whoever called, and for a person who is asked."""
+        """For anyone who called, and for a person who is asked."""
         if not self.claim:
             return (
                 "nothing moves: what a person has forbidden cannot be read, neither in the ledger of claims nor in "
@@ -128,11 +128,11 @@ class Entry:
 
 
 NOBODY_KNOWS = Entry("", "", (), "deny", "", None, "")
-"""What a ledger says that cannot be read: what a person has forbidden for good is not done for want of a list."""
+"""What a ledger states that cannot be read: what a person has forbidden for good is not done for want of a list."""
 
 
 def _untold(_event: str, _fields: Mapping[str, Any]) -> None:
-    """Nobody hears of it."""
+    """No one hears of it."""
 
 
 def _unknown() -> tuple[Entry, ...] | None:
@@ -143,8 +143,8 @@ def _unknown() -> tuple[Entry, ...] | None:
 class Restrictions:
     """What is restricted now. Safe to use from threads; asking costs one look at the file's status.
 
-    ``tell`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` says what must hold where the
-    file does not; None: it does not know.
+    ``tell`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` states what must hold where
+    the file does not; None: it does not know.
     """
 
     def __init__(
@@ -163,7 +163,7 @@ class Restrictions:
         self._entries: tuple[Entry, ...] = ()
         self._read_before = False
         self.forbidden: Callable[[], AbstractSet[str]] = frozenset
-        """The ids that a person's restrictions have; where one is missing, nobody knows what it was."""
+        """The ids that a person's restrictions have; where one is missing, no one knows what it was."""
         self.problem: str | None = None
         """Why the file cannot be used; None when it can, or is not there."""
 
@@ -173,7 +173,7 @@ class Restrictions:
         return min(found, key=lambda entry: entry.effect != "deny", default=None)
 
     def in_force(self) -> tuple[Entry, ...]:
-        """What counts now; what begins or ends to count with this look is told."""
+        """What counts now; what begins or ends to count with this look is reported."""
         if self._place is None:
             return ()
         with self._lock:
@@ -211,7 +211,7 @@ class Restrictions:
             self._wrong(f"it cannot be read: {_words(problem)}")
 
     def _instead(self) -> tuple[Entry, ...]:
-        """What holds without the file: what the ledger says, else what only a person ends."""
+        """What holds without the file: what the ledger states, else what only a person ends."""
         told = self._ledger()
         if told is None or (self._read_before and NOBODY_KNOWS in told):
             return tuple(entry for entry in self._entries if entry.expires is None)
@@ -334,7 +334,7 @@ class Standing:
         self._entries: tuple[Entry, ...] | None = None
 
     def __call__(self) -> tuple[Entry, ...] | None:
-        """What it says; None where there is none. Of one that cannot be read nobody knows what a person forbade."""
+        """What it states; None where there is none. Of one that cannot be read no one knows what a person forbade."""
         try:
             status = os.lstat(self._path)
             stamp = status.st_ino, status.st_mtime_ns, status.st_size

@@ -2,7 +2,7 @@
 
 The launcher decides nothing about policy. Manifest, profiles and interface were brought together when the endpoint was
 published, so that the process that holds the devices needs to know none of them. A policy that is damaged, of another
-format or says something unforeseen is refused whole: half a policy would be a gate with a hole that nobody sees.
+format or states something unforeseen is refused whole: half a policy would be a gate with a hole that no one sees.
 """
 
 import enum
@@ -37,7 +37,7 @@ class Goal:
 
 @dataclass(frozen=True, slots=True)
 class Reports:
-    """Where a tool's result says where its units are: in ``field`` of the result, or of each of its ``records``.
+    """Where a tool's result states where its units are: in ``field`` of the result, or of each of its ``records``.
 
     ``unit`` is the member that names the unit; a place may be ``within`` this beyond a range, as devices stop.
     """
@@ -93,7 +93,7 @@ class Units:
 
 
 def _words(given: Any) -> Iterator[str]:
-    """What an argument says, as words: a value, the members of a list, the names of an object."""
+    """What an argument states, as words: a value, the members of a list, the names of an object."""
     if isinstance(given, enum.Enum):
         given = given.value
     if isinstance(given, Mapping):
@@ -115,7 +115,7 @@ _DAY = 24 * 60
 
 
 class PolicyInvalid(ValueError):
-    """The policy file cannot be used; the text says where and why, in a sentence for a person."""
+    """The policy file cannot be used; the text states where and why, in a sentence for a person."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class Limit:
     range: parameter, minimum, maximum (either may be None). step, cumulative: parameter, most. rate: calls, seconds.
     cooldown: seconds. quiet_hours: begin, end (minutes after midnight, local time; end before begin passes midnight,
     equal ones are the whole day). goal: of (a unit of the device), minimum, maximum of the place to which a call moves
-    it, whatever parameter says so. ``default`` is what an absent parameter counts as; None: its call is not judged.
+    it, whatever parameter states that. ``default`` is what an absent parameter counts as; None: its call is not judged.
     ``zero`` of a cumulative one is the tool after whose call the sum begins again at zero.
     """
 
@@ -156,7 +156,7 @@ class ToolPolicy:
 
     ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
     come too late behind it. Its code takes the lock of a device itself, between two steps of the movement. ``ends``
-    are the devices that such a tool stops. ``units`` tells which units of a device a call acts on; None: not known.
+    are the devices that such a tool stops. ``units`` shows which units of a device a call acts on; None: not known.
     ``places`` are the ranges that hold for what the device reports of the units that it moves.
     """
 
@@ -193,7 +193,7 @@ class Policy:
 
 
 def read(path: Path) -> Policy:
-    """The policy of this file; PolicyInvalid when it cannot be read or says anything that is not foreseen."""
+    """The policy of this file; PolicyInvalid when it cannot be read or states anything that is not foreseen."""
     try:
         document = read_json(path)
     except (OSError, ValueError) as problem:
@@ -377,7 +377,7 @@ def _one_of(item: Mapping[str, Any], name: str, allowed: tuple[str, ...], place:
 
 
 def _bound(item: Mapping[str, Any], name: str, place: str) -> float | None:
-    """A finite number or null; whole numbers stay whole, so that a refusal shows them as they were written."""
+    """A finite number or null; integers stay whole, so that a refusal shows them as they were written."""
     value = item.get(name)
     if value is None:
         return None

@@ -50,7 +50,7 @@ class Control:
     def start(self, ended: Callable[[], None] | None = None) -> None:
         """Listen; OSError when the socket cannot be made.
 
-        ``ended`` is called from the thread of the door should it end before `stop`: nobody could stop anything then.
+        ``ended`` is called from the thread of the door should it end before `stop`: no one could stop anything then.
         """
         self._socket = listen(self._path)
         threading.Thread(target=self._serve, args=(self._socket, ended), name="control", daemon=True).start()

@@ -44,7 +44,7 @@ class Descriptor:
 
     @property
     def instances(self) -> Path:
-        """The file that says which specimen each device id is."""
+        """The file that states which unit each device id is."""
         return Path(self.environment["OCTOFORM_INSTANCES"])
 
 

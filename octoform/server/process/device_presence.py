@@ -1,8 +1,8 @@
 """Which devices are plugged in now, so that a client hears of it when one comes or goes, and not at the next call.
 
-The generated server's own `runtime` says whether a device is there. The kernel announces hot-plug to whoever listens on
-a netlink socket; where nobody may listen, or a tree on disk stands in for the system, looking again now and then does
-it. All of this happens in a thread of its own: a read of sysfs can take seconds when a driver is ill.
+The generated server's own `runtime` states whether a device is there. The kernel announces hot-plug to anyone who
+listens on a netlink socket; where no one may listen, or a tree on disk replaces the system, looking again now and then
+does it. All of this happens in a thread of its own: a read of sysfs can take seconds when a driver is ill.
 
 Absent is only what is known to have been there: seen before, or recorded with its place. Everything else is unknown.
 """
@@ -139,7 +139,7 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
 
 
 def _is_closed(runtime: ModuleType, device: str) -> bool:
-    """True when this user may not use a node of the device; False as well where that cannot be told."""
+    """True when this user may not use a node of the device; False as well where that cannot be determined."""
     try:
         rights = importlib.import_module("runtime.rights")
         kinds = {str(node["class"]) for node in _instances()[device]["nodes"]}
@@ -204,7 +204,7 @@ def _wait(stopping: socket.socket, events: socket.socket | None, seconds: float)
 
 
 def _is_plugging(events: socket.socket) -> bool:
-    """Take one event; True for one of the kernel's that says that a device came or went, or that some were lost."""
+    """Take one event; True for one of the kernel's that states that a device came or went, or that some were lost."""
     try:
         data, sender = events.recvfrom(BUFFER)
     except OSError:  # ENOBUFS: more came than the kernel keeps

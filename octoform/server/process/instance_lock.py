@@ -1,6 +1,6 @@
-"""One process owns the devices of a host: who it is, so that nobody else is ever taken for it. Standard library only.
+"""One process owns the devices of a host: who it is, so that no one else is ever taken for it. Standard library only.
 
-Ownership is a file lock, which the kernel gives back however the process ends. The record beside it says who holds
+Ownership is a file lock, which the kernel gives back however the process ends. The record beside it states who holds
 it (pid, start time, boot, command line), because a pid alone may be anybody's by the time it is read.
 """
 
@@ -66,7 +66,7 @@ class Owner:
     def is_recorded(self) -> bool:
         """False once the record is gone or tells of another start; one that was damaged is written again.
 
-        Nobody finds a process whose record cannot be read, and none other can be started beside it.
+        No one finds a process whose record cannot be read, and none other can be started beside it.
         """
         path = self._folder / RECORD
         try:

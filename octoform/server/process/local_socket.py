@@ -16,7 +16,7 @@ LONGEST = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 
 PASSING = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.ECONNABORTED, errno.EINTR})
-"""What accept(2) says in a shortage that ends again, or of one client alone: no reason to close a door."""
+"""What accept(2) answers in a shortage that ends again, or of one client alone: no reason to close a door."""
 PAUSE = 0.1
 """Seconds until a door tries again in a shortage."""
 
@@ -85,7 +85,7 @@ _PEER: ContextVar[Peer | None] = ContextVar("peer", default=None)
 
 @dataclass(frozen=True, slots=True)
 class Client:
-    """``name`` is what the client says of itself, with its version (empty: nothing); ``peer`` is None over HTTP.
+    """``name`` is what the client reports of itself, with its version (empty: nothing); ``peer`` is None over HTTP.
 
     The process at the other end of the socket may be a pipe (``octoform connect``) that the client started.
     """
@@ -94,7 +94,7 @@ class Client:
     peer: Peer | None = None
 
     def fields(self) -> dict[str, str | int]:
-        """What a record of the audit log says of it."""
+        """What a record of the audit log reports of it."""
         known: dict[str, str | int] = {"client": self.name} if self.name else {}
         if self.peer is not None:
             known |= {"uid": self.peer.uid, "pid": self.peer.pid}

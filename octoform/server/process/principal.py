@@ -1,8 +1,8 @@
 """Who is calling: the one question that decides what a call may do.
 
-Whoever reaches the Unix socket is this machine's own user and may do everything that the policy allows. Whoever comes
-over HTTP is the token of *this* request: a session keeps the context of the request that opened it, so that context is
-asked last. A request over HTTP without a token never counts as local.
+Whoever reaches the Unix socket is this machine's own user and may do everything that the policy allows. Anyone who
+comes over HTTP is the token of *this* request: a session keeps the context of the request that opened it, so that
+context is asked last. A request over HTTP without a token never counts as local.
 """
 
 from dataclasses import dataclass

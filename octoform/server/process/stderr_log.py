@@ -1,4 +1,4 @@
-"""What the process says to whoever reads its log, which may stand on the very disk that has no room left.
+"""What the process reports to anyone who reads its log, which may stand on the very disk that has no room left.
 
 The log of the process and the audit log share a disk. A sentence that cannot be written there must not break what it
 is about: no call, no door and no emergency stop ends because its complaint found no room.
@@ -29,7 +29,7 @@ def say(text: str) -> None:
 
 
 class Said(logging.Handler):
-    """Says what is logged, so that every line of this package has one form."""
+    """States what is logged, so that every line of this package has one form."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Say one record."""
@@ -43,7 +43,7 @@ WINDOW_SECONDS = 60.0
 
 
 class Throttle(logging.Filter):
-    """Lets so many records of a logger through in a minute, and tells how many it held back before the next one."""
+    """Lets so many records of a logger through in a minute, and shows how many it held back before the next one."""
 
     def __init__(self, clock: Callable[[], float] = time.monotonic) -> None:
         super().__init__()

@@ -1,7 +1,7 @@
-"""Where the endpoint listens: addresses of an interface, and a port that nobody else has. Standard library only.
+"""Where the endpoint listens: addresses of an interface, and a port that no one else has. Standard library only.
 
-A port that is taken stays with whoever has it. The port of the last run comes first, because clients have it in their
-configuration.
+A port that is taken stays with anyone who has it. The port of the last run comes first, because clients have it in
+their configuration.
 """
 
 import contextlib

@@ -46,7 +46,7 @@ class Tokens:
     def find(self, value: str) -> Token | None:
         """The token with this value, unless it ended.
 
-        The value is looked up by its digest, so the time that it takes tells nothing about a value that is nearly
+        The value is looked up by its digest, so the time that it takes shows nothing about a value that is nearly
         right.
         """
         token = self._current().get(hashlib.sha256(value.encode("utf-8", "surrogateescape")).hexdigest())
@@ -85,7 +85,7 @@ class Tokens:
 LOOK_SECONDS = 0.25
 """How often open streams and sessions are held against the tokens."""
 MOST_OPEN = 448
-"""Requests that may be open at a time, of all tokens: fewer than connections, so that the rest can be told."""
+"""Requests that may be open at a time, of all tokens: fewer than connections, so that the rest can be reported."""
 LEAST_OPEN = 4
 """What a token may have open however many others are."""
 LOGGER = logging.getLogger("octoform.admission")
@@ -204,7 +204,7 @@ class Open:
                 under_way.cancel()
 
     async def watch(self) -> None:
-        """End what is open of tokens that ended, for ever."""
+        """End what is open of tokens that ended, permanently."""
         while True:
             await anyio.sleep(LOOK_SECONDS)
             owners = {} if self.sessions is None else dict(self.sessions._session_owners)

@@ -1,7 +1,7 @@
-"""How the deployment is, for whoever asks the HTTP door: the daemon's word, and what this process sees by itself.
+"""How the deployment is, for anyone who asks the HTTP door: the daemon's word, and what this process sees by itself.
 
 What the daemon wrote is believed while the daemon lives, the record is fresh, and nothing plain contradicts it. Without
-a daemon nobody has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is said all the same.
+a daemon no one has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is said all the same.
 """
 
 import time
@@ -25,7 +25,7 @@ MOST_BYTES = 4_000_000
 class Verdict:
     """Asked for one word. ``folder`` is the daemon's, ``instance`` this start of the endpoint.
 
-    ``latched`` tells whether the emergency stop is engaged, ``lacks`` whether a device is absent, closed to the
+    ``latched`` shows whether the emergency stop is engaged, ``lacks`` whether a device is absent, closed to the
     user, or was reported outside of its range.
     """
 

@@ -1,8 +1,8 @@
-"""The door of scopes intranet and internet: MCP over streamable HTTP, for whoever brings a token.
+"""The door of scopes intranet and internet: MCP over streamable HTTP, for anyone who brings a token.
 
 The order at the door: is this host meant (Host, Origin), who is it (bearer token), is the body bearable, and only then
 the server behind. `/health` alone needs no token, and tells one word and no names: 200 for `healthy`, else 503.
-Everything else that the generated server may have put on its own web application is left out. There is no TLS here: in
+Everything else that the generated server may have put on its own web application is omitted. There is no TLS here: in
 scope internet the tunnel brings it, and in scope intranet the token crosses the network in the clear.
 """
 
@@ -365,7 +365,7 @@ class _Uvicorn(uvicorn.Server):
 class _Refusals:
     """Outermost: keeps tokens out of addresses, and writes one line for each request that was refused.
 
-    What was let in stands in the call log. The line has no query and no header.
+    What was let in is in the call log. The line has no query and no header.
     """
 
     def __init__(self, app: ASGIApp, instance: str) -> None:

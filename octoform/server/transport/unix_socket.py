@@ -1,10 +1,10 @@
 """Clients of this machine: each connection to the Unix socket is an MCP client with the framing of stdio.
 
 Each is greeted with an empty line as it is taken. The kernel also connects clients to a process that is being killed;
-without the greeting they could not tell that nobody will ever answer, and a process has to be started.
+without the greeting they could not tell that no one will ever answer, and a process has to be started.
 
 One process owns the devices and serves them all. A client that sends what is no message, or too large a one, gets an
-error and hurts nobody else; one that goes takes its running calls with it; one that does not read is sent away before
+error and hurts no one else; one that goes takes its running calls with it; one that does not read is sent away before
 what waits for it fills the memory. A shortage of descriptors closes the door only for as long as it lasts.
 """
 
@@ -54,7 +54,7 @@ class LocalClients:
 
     @property
     def lost(self) -> bool:
-        """True when something else in this process took the door's descriptor away: nobody can come in any more."""
+        """True when something else in this process took the door's descriptor away: no one can come in any more."""
         if self._listener is None:
             return False
         listener, inode = self._listener

@@ -28,7 +28,7 @@ RECORD = "tunnel.json"
 REVOKED = "tunnel-revoked.json"
 MARK = "OCTOFORM_TUNNEL"
 INSTANCE_HEADER = "Octoform-Instance"
-"""The header by which the door can be told from whatever else answers at an address."""
+"""The header by which the door can be distinguished from whatever else answers at an address."""
 GRACE_SECONDS = 3.0
 """What the program has for its own end before it is killed."""
 PROOF_SECONDS = 12.0

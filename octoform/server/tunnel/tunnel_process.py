@@ -2,7 +2,7 @@
 
 Any program will do that prints the address which it opened. It has a thread of its own here, so that it can be revoked
 whatever the event loop is doing. Without the program, or without a network, scope intranet goes on and the reason is
-told. Standard library only.
+reported. Standard library only.
 """
 
 import ipaddress
@@ -65,7 +65,7 @@ class Tunnel:
         self._facts: dict[str, Any] = {"state": "starting", "url": None, "since": None, "reason": None, "starts": 0}
 
     def start(self) -> None:
-        """Start it and keep it; one that was revoked is told as that from the first moment on."""
+        """Start it and keep it; one that was revoked is reported as that from the first moment on."""
         if termination.forbidden(self._run):
             self._tell(*REVOKED)
         self._thread.start()

@@ -1,7 +1,7 @@
 """The process above the tunnel's: it ends all below it when the endpoint's process is gone, however it went.
 
 A tunnel program that is a script starts others, and only the direct child of a process can be made to die with it. So
-this small program stands between: it is the child, it leads the group, and what leaves the group or loses its parent
+this small program is between: it is the child, it leads the group, and what leaves the group or loses its parent
 becomes a child of this one. Standard library only; started as a program, with the write end of its standard input held
 by the endpoint's process.
 """
