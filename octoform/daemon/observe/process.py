@@ -123,7 +123,7 @@ class Answering:
         return (False, told) if self._stays("clients", self._uptime()) else (True, told)
 
     def _told(self) -> tuple[Mapping[str, Any] | None, bool]:
-        """What it answers; or that it took the question twice and did not answer, which only a standing process does."""
+        """What it answers; or that it took the question twice without an answer, as only a hung process does."""
         waited = []
         for _ in range(2):
             began = self._uptime()
