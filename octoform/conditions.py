@@ -1,7 +1,7 @@
 """Conditions: whether a value fulfils one, and whether any could refute it; for contracts and claims alike.
 
-Nothing is guessed: absence, another kind of value or a number that is none says nothing either way. Truth values are no
-numbers here: a switch that reads true has not risen above 0.
+Nothing is guessed: absence, another kind of value or a number that is none states nothing either way. Truth values are
+no numbers here: a switch that reads true has not risen above 0.
 """
 
 import math

@@ -1,6 +1,6 @@
 """Typed progress events, from the engine up to the views.
 
-The engine says what happens; a view decides what a person or a program sees. Every event is a frozen value whose
+The engine states what happens; a view decides what a person or a program sees. Every event is a frozen value whose
 class name is its type in the JSON stream, so a new event is an additive change of that stream.
 """
 
@@ -35,7 +35,7 @@ class AttemptStarted(Event):
 
 @dataclass(frozen=True, slots=True)
 class AttemptProgress(Event):
-    """A line that tells what the agent is doing, and how long it has run (seconds)."""
+    """A line that shows what the agent is doing, and how long it has run (seconds)."""
 
     text: str
     elapsed: float
@@ -91,7 +91,7 @@ class Checking(Event):
 
 @dataclass(frozen=True, slots=True)
 class StepTried(Event):
-    """A trial of a privileged step is over; ``text`` says what was read or seen, ``well`` that it proved its unit."""
+    """A test of a privileged step is over; ``text`` states what was read or seen, ``well`` that it proved its unit."""
 
     unit: str
     well: bool

@@ -1,9 +1,9 @@
-"""Tells whether the hardware of a host is still what it was when PROBE last ran, cheaply enough for every plan.
+"""Shows whether the hardware of a host is still what it was when PROBE last ran, cheaply enough for every plan.
 
 The kernel announces each device with a modalias line and groups what drivers make of them in classes; the sorted
 multiset of those lines and class counts is the fingerprint. Only text files of sysfs are read. What comes and goes
 without any hardware (loop devices, virtual networks, pseudo terminals, wake-up sources, devices made by programs,
-bluetooth connections, partitions) is left out, so that a plan does not see changes that are none.
+bluetooth connections, partitions) is omitted, so that a plan does not see changes that are none.
 
 Only Linux announces hardware in files. Elsewhere (macOS) system and architecture are all there is, and a plan sees no
 device come or go; under WSL2 the devices count that the Linux kernel has, not those of the Windows side.

@@ -1,4 +1,4 @@
-"""Trials that a camera decides: a movement that the picture shows, and a picture that shows anything at all.
+"""Tests that a camera decides: a movement that the picture shows, and a picture that shows anything at all.
 
 A device without feedback can only be seen to move. Pictures before the movement say how much differs while nothing
 happens; the movement must change more than that, and the way back must bring the first picture back.
@@ -34,9 +34,9 @@ _SUFFIXES = {"image/jpeg": ".jpg", "image/png": ".png"}
 
 
 def by_view(bench: Bench, trial: Trial, where: str) -> Tried:
-    """Carry out one trial of the kind view; ``where`` is its JSON pointer in the artifact.
+    """Carry out one test of the kind view; ``where`` is its JSON pointer in the artifact.
 
-    A device may move by itself until somebody talks to it, and what was seen then says nothing: so a movement that
+    A device may move by itself until somebody talks to it, and what was seen then states nothing: so a movement that
     was not seen, or not seen to go back, is tried once more.
     """
     for again in (False, True):
@@ -52,7 +52,7 @@ def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") ->
     """Look twice through the chosen camera: both pictures must show something.
 
     Where both are the same, more are taken some seconds apart: a sensor's picture that comes again and again fails,
-    and of a source without noise it cannot be told.
+    and of a source without noise it cannot be determined.
     """
     tried = Tried(camera["device"], camera["tool"])
     seen = [_look(bench, tried, camera, where, name) for name in ("first", "second")]
@@ -64,7 +64,7 @@ def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") ->
 
 
 def _stands_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: str) -> None:
-    """Tell a frozen camera from one that cannot be told, by further pictures."""
+    """Tell a frozen camera from one that cannot be determined, by further pictures."""
     began, first, count = bench.clock.monotonic(), None, 0
     while count < FROZEN_PICTURES or bench.clock.monotonic() - began < FROZEN_SECONDS:
         seen = _look(bench, tried, camera, where, "again")

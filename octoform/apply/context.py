@@ -37,7 +37,7 @@ class Purse:
     """What was spent in this run: US dollars by stage, attempts and seconds by stage and role.
 
     A stage that a later one sends back goes on with what its budget has left: it is one stage of one run. ``until`` is
-    when the stage at work has to be over, trials included, on the run's clock; None where nothing has.
+    when the stage at work has to be over, tests included, on the run's clock; None where nothing has.
     """
 
     spent: dict[str, float] = field(default_factory=dict)

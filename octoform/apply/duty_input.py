@@ -1,6 +1,6 @@
 """What the daemon knows, as an agent may read it: checked, bounded in bytes, and without anything that acts as text.
 
-A brief comes from another process and holds words of devices and tools. What is not of the right form is left out and
+A brief comes from another process and holds words of devices and tools. What is not of the right form is omitted and
 counted; of what is too much, the newest of each signal stays first.
 """
 
@@ -199,7 +199,7 @@ def slice_of(
 
 
 def _timed(logs: Logs, now: float) -> list[Line]:
-    """The lines of both logs in order. None is of the future: after a clock that was ahead the next line tells when."""
+    """The lines of both logs in order. None is of the future: after a clock that was ahead the next line shows when."""
     found = []
     for tail in logs.tails:
         latest = now
@@ -223,7 +223,7 @@ def sliced(lines: Sequence[Line], secrets: Mapping[str, str], completion: Comple
 
 
 def is_trouble(line: Line) -> bool:
-    """Whether a line tells of something that failed."""
+    """Whether a line shows something that failed."""
     record = line.record
     if line.log == CALLS and record is not None and record.get("event") in ("call", "result"):
         return record.get("ok") is False
@@ -245,7 +245,7 @@ def _condensed(head: str, others: Sequence[str], completion: Completion) -> LogS
 
 
 def _distinct(lines: Iterable[Line], secrets: Mapping[str, str]) -> list[str]:
-    """Each kind of trouble once, as it stood last, with how often it was there; in the order of their last lines."""
+    """Each kind of problem once, as it was last, with how often it was there; in the order of their last lines."""
     last: dict[str, str] = {}
     count: dict[str, int] = {}
     for line in lines:
@@ -263,7 +263,7 @@ def _shown(text: str, secrets: Mapping[str, str]) -> str:
 
 
 def _fitting(lines: Sequence[str], size: int) -> tuple[list[str], int]:
-    """The newest of the lines that are together at most ``size`` bytes, and how many are left out."""
+    """The newest of the lines that are together at most ``size`` bytes, and how many are omitted."""
     kept: list[str] = []
     for line in reversed(lines):
         size -= len(line.encode()) + 1
@@ -299,7 +299,7 @@ MOST_BYTES = 8 << 20
 class Beheld:
     """``frames`` as the input lists them, ``files`` by name, ``reason`` why there is no picture (None: there is).
 
-    ``summary`` are a few lines about all looks until now, at most 3 KB; None where nobody looked.
+    ``summary`` are a few lines about all looks until now, at most 3 KB; None where no one looked.
     """
 
     frames: tuple[dict[str, str], ...] = ()

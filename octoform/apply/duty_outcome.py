@@ -1,4 +1,4 @@
-"""How an agent of the daemon ended, in the words of whoever asked: the result that crosses to the other process."""
+"""How an agent of the daemon ended, in the words of anyone who asked: the result that crosses to the other process."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field

@@ -57,9 +57,9 @@ def _tools(interface: Mapping[str, Any]) -> Iterable[Tool]:
 
 @dataclass(frozen=True, slots=True)
 class _Again:
-    """A node's second run in one apply; ``failed`` is what it has to mend, None for one that stands on what was mended.
+    """A node's second run in one apply; ``failed`` is what it has to fix, None for one that stands on what was fixed.
 
-    ``counted`` says that the node was accepted before in this apply.
+    ``counted`` states that the node was accepted before in this apply.
     """
 
     failed: Failed | None
@@ -108,7 +108,7 @@ def _take_away(context: Context, node: str, tally: Tally) -> None:
 
 
 def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> bool:
-    """Whether what failed is an earlier stage's to mend; then that has run again, and the failed node after it."""
+    """Whether what failed is an earlier stage's to fix; then that has run again, and the failed node after it."""
     failed = sent_back(context, tally.failed, tally.diagnostics)
     if failed is None:
         return False
@@ -126,7 +126,7 @@ def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return, 
 
 
 def _follow(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> None:
-    """Run again what lies between the stage that was mended and the node at which the run is."""
+    """Run again what lies between the stage that was fixed and the node at which the run is."""
     names = list(context.graph.names())
     for name in names[names.index(way.judge) + 1 : names.index(action.node) + 1]:
         if name in made or name == action.node:
@@ -259,6 +259,6 @@ def _state(context: Context, node: Node, finished: Finished) -> NodeState:
 
 
 def _platform(context: Context) -> dict[str, str]:
-    """What the accepted PROBE says of the system; empty where there is none yet."""
+    """What the accepted PROBE reports of the system; empty where there is none yet."""
     found: dict[str, str] = accepted(context, "probe")["platform"] if context.layout.output("probe").is_file() else {}
     return found

@@ -2,8 +2,8 @@
 
 An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
 the attempt, by name; so is a new file where one would be read as instruction. Other new or changed files in the
-project, and what is new in the person's home folder, are told, since a person may be at work there too. For the same
-reason nothing that is undone is lost: it is kept in the attempt's folder.
+project, and what is new in the person's home folder, are reported, since a person may be at work there too. For the
+same reason nothing that is undone is lost: it is kept in the attempt's folder.
 """
 
 import contextlib
@@ -43,8 +43,9 @@ class Guarded:
     """What is to be as it was: files and whole folders, none of which need exist.
 
     No folder of ``rooms`` may get another entry, and none of ``starts`` another file that an interpreter runs at its
-    start; an entry in ``home`` is told, and a change of a file of ``noted``. What is ``installed``, a file or a room,
-    is told and never put back. ``spared`` tells, at the beginning and at the end, where another run is at work.
+    start; an entry in ``home`` is reported, and a change of a file of ``noted``. What is ``installed``, a file or a
+    room, is reported and never put back. ``spared`` tells, at the beginning and at the end, where another run is at
+    work.
     """
 
     files: Iterable[Path]
@@ -85,7 +86,7 @@ class Watch:
     ``real`` are the folders at and above the guarded paths that were no links; every path below ``folders`` that is in
     neither of both was not there. None of ``ways``, which lead to the guarded paths, was a link. ``held`` are the
     project's folder and those in it that lead there. ``rights`` are mode, user and group of these folders, and of the
-    home's that lead to a guarded file: whoever may write a folder may replace what is in it.
+    home's that lead to a guarded file: anyone who may write a folder may replace what is in it.
     """
 
     project: Path
@@ -185,7 +186,7 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
 
 
 def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> list[Diagnostic]:
-    """Put back what stood at a guarded path."""
+    """Put back what was at a guarded path."""
     if _look(path) == before or _is_spared(watch, path):
         return []
     if path in watch.installed:
@@ -200,7 +201,7 @@ def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> li
 
 @contextlib.contextmanager
 def _undoing(watch: Watch, path: Path, found: list[Diagnostic]) -> Iterator[None]:
-    """What the system refuses at one path is told, and keeps nobody from undoing the rest."""
+    """What the system refuses at one path is reported, and keeps no one from undoing the rest."""
     try:
         yield
     except OSError as problem:
@@ -270,7 +271,7 @@ def _entered(watch: Watch, undone: Path) -> list[Diagnostic]:
 
 
 def _taken(watch: Watch, path: Path, undone: Path) -> list[Diagnostic]:
-    """Take away whatever stands at a path, and say so."""
+    """Take away whatever is at a path, and say so."""
     found: list[Diagnostic] = []
     with _undoing(watch, path, found):
         kept = _keep(watch, path, undone)

@@ -1,4 +1,4 @@
-"""HEAL: an agent says what mends one error, and a server that it rewrote is tried before it counts.
+"""HEAL: an agent reports what fixes one error, and a server that it rewrote is tried before it counts.
 
 The candidate is judged as text, imported where it will be served, published beside the accepted server, and called.
 Only one that passes all of that, and does worse nowhere, takes the accepted one's place. What it replaces is kept,
@@ -52,7 +52,7 @@ DAMAGED = ".damaged"
 
 @dataclass(frozen=True, slots=True)
 class Healed:
-    """The repair of an episode: digests of the server before it and after it, and the text of the one before."""
+    """The repair of an incident: digests of the server before it and after it, and the text of the one before."""
 
     episode: str
     at: str
@@ -63,7 +63,7 @@ class Healed:
 
 
 def keep(layout: Layout, healed: Healed) -> Diagnostic | None:
-    """Write the copy down; None when it is durable. A former repair of the episode keeps its older way back."""
+    """Write the copy down; None when it is durable. A former repair of the incident keeps its older way back."""
     former = read(layout, healed.episode)
     if former is not None and former.digest == healed.base:
         healed = Healed(healed.episode, healed.at, healed.tool, former.base, healed.digest, former.source)
@@ -83,7 +83,7 @@ def keep(layout: Layout, healed: Healed) -> Diagnostic | None:
 
 
 def read(layout: Layout, episode: str) -> Healed | None:
-    """The repair of an episode; None where there is none, or what is there is not whole (it is set aside then)."""
+    """The repair of an incident; None where there is none, or what is there is not whole (it is set aside then)."""
     path = _path(layout, episode)
     data, _ = read_regular(path)
     if data is None:
@@ -102,7 +102,7 @@ def read(layout: Layout, episode: str) -> Healed | None:
 
 
 def _path(layout: Layout, episode: str) -> Path:
-    """An episode's id comes from outside: it is no part of a path."""
+    """An incident's id comes from outside: it is no part of a path."""
     return layout.local / HEALED / f"{digest.short(digest.of_value(episode))}.json"
 
 
@@ -115,7 +115,7 @@ HINT = "the accepted server stays in service; octoform attempts -stage heal show
 
 
 def no_worse(before: CheckReport, mended: frozenset[str]) -> CheckJudge:
-    """For a candidate: what worked ``before`` works, and the tools that it was to mend answer where they are tried."""
+    """For a candidate: what worked ``before`` works, and the tools that it was to fix answer where they are tried."""
     failed = {(call.tool, call.device) for call in before.calls if _failed(call)}
     worked = {(call.tool, call.device) for call in before.calls if call.ok}
 
@@ -149,7 +149,7 @@ REWRITE = "rewrite"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One error to be mended: as WATCH or triage told it, in which episode, and what a repair of it may touch."""
+    """One error to be fixed: as WATCH or triage told it, in which incident, and what a repair of it may touch."""
 
     episode: str
     target: str
@@ -215,7 +215,7 @@ def confirm(context: Context, rewrite: Rewrite) -> DutyOutcome:
 
 
 def roll_back(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
-    """Make the server the accepted one again that an episode's repair has replaced; asking twice does it once."""
+    """Make the server the accepted one again that an incident's repair has replaced; asking twice does it once."""
     episode, reason = str(brief.get("episode") or ""), str(brief.get("reason") or "")
     healed = read(context.layout, episode)
     now = context.store.snapshot.nodes[promotion.MAKER].output_digest
@@ -329,7 +329,7 @@ def _judge_of(case: Case, given: Given) -> Judge:
 def _rewritten(
     context: Context, task: Task, case: Case, value: Mapping[str, Any]
 ) -> tuple[str | None, list[Diagnostic]]:
-    """The rewritten server, or what is wrong with it as a text."""
+    """The rewritten server, or what is wrong with it as a string."""
     path, known = shown(task.workdir / SERVER), case.known
     data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
     if data is None:
@@ -351,7 +351,7 @@ def _rewritten(
 
 
 def _prove_of(case: Case) -> Prove:
-    """The trial: the candidate in the place of the accepted server, compared with how that one does just before."""
+    """The test: the candidate in the place of the accepted server, compared with how that one does just before."""
     known: list[CheckReport] = []
 
     def before(context: Context) -> CheckReport:

@@ -1,7 +1,7 @@
-"""A privileged step: for the one device that the evidence corroborates, an agent says what to try; octoform tries it.
+"""A privileged step: for the one device that the evidence matches, an agent reports what to try; octoform tries it.
 
 A step runs for a device that IDENTIFY annotated with the step's profile and for which that profile holds by octoform's
-own evaluation. Without such a device nothing runs at all. With several of them nobody could say which one a tool
+own evaluation. Without such a device nothing runs at all. With several of them no one could say which one a tool
 would move, so the step is refused and names them.
 """
 
@@ -70,7 +70,7 @@ def judge_of(known: Artifacts) -> Judge:
 
 
 def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | None = None) -> Prove:
-    """The proof of a step: the trials, through the live endpoint unless a test gives another hand."""
+    """The proof of a step: the tests, through the live endpoint unless a test gives another hand."""
 
     def prove(context: Context, task: Task, proposal: Proposal, found: list[Diagnostic]) -> Verdict:
         if proposal.server is not None:
@@ -91,7 +91,7 @@ def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | Non
 
 
 def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, Any]) -> Iterator[Tried]:
-    """Each trial in turn; ends where no further one makes sense."""
+    """Each test in turn; ends where no further one makes sense."""
     if value["camera"] is not None:
         context.emit(events.Checking(step.node, f"looking through {value['camera']['device']}"))
         one = by_frame(bench, value["camera"])
@@ -117,7 +117,7 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
 
 
 def told(step: Step, tried: Tried) -> str:
-    """What a trial showed, on one line: the readings, the differences of the pictures, or why there is nothing."""
+    """What a test showed, on one line: the readings, the differences of the pictures, or why there is nothing."""
     if has_errors(tried.found):
         return next(item.summary for item in tried.found if item.severity == "error")
     if tried.moved is not None and tried.returned is not None:

@@ -1,6 +1,6 @@
 """Which files an agent may not touch while it runs, whatever it is asked: sources, what was accepted, what is served.
 
-Guarded is what nobody else has a reason to write meanwhile, since the state's lock is held: a difference is the
+Guarded is what no one else has a reason to write meanwhile, since the state's lock is held: a difference is the
 agent's, and so is a new file where one is read as instruction (`instructions`). What the endpoint, a daemon and a
 person write at any time (logs, counters, latches, what a person asks for) is not guarded here. The daemon's memory is,
 as long as none has been there; one that lives knows itself what it wrote.
@@ -52,7 +52,7 @@ _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap", ".lfsconfig",
 _PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
 _OF_A_TREE = ("config.worktree", "commondir", "gitdir")
 _NOTED_OF_A_TREE = ("rebase-merge/git-rebase-todo", "rebase-apply/patch", "sequencer/todo")
-"""What `git rebase --continue` would run: a person may be in the middle of one, so it is told and left."""
+"""What `git rebase --continue` would run: a person may be in the middle of one, so it is reported and left."""
 _ALTERNATES = ("objects/info/alternates", "objects/info/http-alternates")
 _OF_A_REPOSITORY = (*_OF_A_TREE, *_ALTERNATES, "config", "shallow")
 _FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace", "branches", "remotes")
@@ -303,7 +303,7 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
 
 
 def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
-    """Where a program would stand before the one that octoform calls by that name; none of them is there."""
+    """Where a program would be before the one that octoform calls by that name; none of them is there."""
     own = [home(environ) / name for name in _BINARIES]
     yield from (folder / name for folder in own for name in _PROGRAMS if not (folder / name).exists())
     named = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
@@ -353,7 +353,7 @@ UNDONE = "undone"
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What lay there when the agent began. ``daemon`` tells which daemon was there last; None while one lives.
+    """What lay there when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
 
     ``specs`` are those that come with octoform, ``installation`` is what tells one installation of it from another.
     """
@@ -383,7 +383,7 @@ class Guard:
         return [*file_integrity.end(watch, undone), *self._moved()]
 
     def _moved(self) -> list[Diagnostic]:
-        """A commit may be a person's, who would lose it: it is told and stays."""
+        """A commit may be a person's, who would lose it: it is reported and stays."""
         now = head_revision(self.layout.project)
         if now == self.revision:
             return []
@@ -462,7 +462,7 @@ def _installation() -> object:
 
 
 def _daemon(layout: Layout) -> bytes | None:
-    """Which daemon was there last (empty: none ever was); None while one lives, or where that cannot be told."""
+    """Which daemon was there last (empty: none ever was); None while one lives, or where that cannot be determined."""
     try:
         with opened(layout.daemon_lock, follow=False) as descriptor:
             return os.read(descriptor, 4096) if acquire(descriptor, shared=True) else None

@@ -1,4 +1,4 @@
-"""A trial by reading: a unit is read, moved, read again and moved back; what counts is what it really did.
+"""A test by reading: a unit is read, moved, read again and moved back; what counts is what it really did.
 
 An acknowledged command proves nothing: a servo whose torque is off, whose cable is loose or whose gear is stuck answers
 like any other. So octoform itself reads before and after, and every reading stays as evidence.
@@ -25,7 +25,7 @@ Trial = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """What all trials of a step share: the proof, the hand, the tools of INTERFACE by name, the run's clock.
+    """What all tests of a step share: the proof, the hand, the tools of INTERFACE by name, the run's clock.
 
     ``folder`` is where pictures are kept.
     """
@@ -39,11 +39,11 @@ class Bench:
 
 @dataclass(slots=True)
 class Tried:
-    """What one trial showed. Readings are in the proof's unit; ``readings`` are [seconds since the trial began, value].
+    """What one test showed. Readings are in the proof's unit; ``readings`` are [seconds since the test began, value].
 
     ``noise``, ``moved`` and ``returned`` are differences of pictures: of two before the move, of the one after it and
     of the one after the way back, each from the second before. ``again``: it was tried a second time. ``restored``:
-    what the trial had changed by the way is as it was before. ``over``: no further trial makes sense.
+    what the test had changed by the way is as it was before. ``over``: no further test makes sense.
     """
 
     unit: str
@@ -62,7 +62,7 @@ class Tried:
     over: bool = False
 
     def told(self) -> dict[str, Any]:
-        """The trial as it is recorded: what was found by its codes, and nothing that was not measured."""
+        """The test as it is recorded: what was found by its codes, and nothing that was not measured."""
         record = {name: value for name, value in asdict(self).items() if value not in (None, [], False)}
         return {**record, "found": [item.code for item in self.found]}
 
@@ -77,14 +77,14 @@ class Tried:
 
 
 def by_reading(bench: Bench, trial: Trial, where: str) -> Tried:
-    """Carry out one trial of the kind reading; ``where`` is its JSON pointer in the artifact."""
+    """Carry out one test of the kind reading; ``where`` is its JSON pointer in the artifact."""
     attempt = _ByReading(bench, trial, where)
     attempt.carry_out()
     return attempt.tried
 
 
 class Mover:
-    """The movement of a trial, there and back, whatever shows it."""
+    """The movement of a test, there and back, whatever shows it."""
 
     def __init__(self, bench: Bench, trial: Trial, where: str) -> None:
         self.bench, self.trial, self.where = bench, trial, where
@@ -95,7 +95,7 @@ class Mover:
 
     @property
     def now(self) -> float:
-        """Seconds since the trial began."""
+        """Seconds since the test began."""
         return self.bench.clock.monotonic() - self.began
 
     def values(self) -> list[float]:
@@ -296,7 +296,7 @@ class _ByReading(Mover):
 
 
 def bounds(tool: Mapping[str, Any], parameter: str) -> tuple[float, float, bool]:
-    """(minimum, maximum, whole numbers only) of a tool's parameter; infinite where its schema has no bound."""
+    """(minimum, maximum, integers only) of a tool's parameter; infinite where its schema has no bound."""
     schema = tool["input_schema"].get("properties", {}).get(parameter, {})
     low, high = schema.get("minimum", float("-inf")), schema.get("maximum", float("inf"))
     for limit in tool.get("limits", ()):

@@ -1,4 +1,4 @@
-"""What a trial may do with the hardware: call a tool of the live endpoint, and look at what it moves.
+"""What a test may do with the hardware: call a tool of the live endpoint, and look at what it moves.
 
 Both go through the endpoint as any client's calls do, so that policy, limits, emergency stop and audit hold for them.
 The person who switched the step on in the manifest has said yes to its movements; nothing else is agreed to.
@@ -23,7 +23,7 @@ class ToolAnswer:
     """What came of a call: the structured result, or in ``words`` why there is none.
 
     ``refused``: the endpoint did not let it through (policy, limit, emergency stop, an argument that does not fit).
-    ``over``: no further call can do better, because the endpoint does not answer or the emergency stop is latched.
+    ``over``: no further call can do better, because the endpoint does not answer or the emergency stop is engaged.
     """
 
     value: Mapping[str, Any] | None
@@ -43,7 +43,7 @@ class Seen:
 
 
 class Hand(Protocol):
-    """Whoever carries out what a trial asks for."""
+    """Anyone who carries out what a test asks for."""
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         """Call a tool; never raises for what comes of it."""
@@ -102,9 +102,9 @@ Value = bool | int | float
 
 
 class Restoring:
-    """One value of the device, as it was before a trial and afterwards.
+    """One value of the device, as it was before a test and afterwards.
 
-    ``wanted`` is the trial's member ``restore``; with None nothing is called. ``tools`` are those of INTERFACE by name.
+    ``wanted`` is the test's member ``restore``; with None nothing is called. ``tools`` are those of INTERFACE by name.
     ``done``: it had changed and was put back. ``over``: no further call makes sense. ``words``: why the
     last call that failed gave nothing.
     """

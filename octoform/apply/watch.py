@@ -1,4 +1,4 @@
-"""WATCH: an agent says how a deployment is, from what the daemon has seen. It reads, and changes nothing.
+"""WATCH: an agent reports how a deployment is, from what the daemon has seen. It reads, and changes nothing.
 
 What it may go by is put together here, bounded in bytes. Its report is believed as far as its contract holds, which
 binds each word to the readings that were given; without an accepted report nothing is known.
@@ -32,7 +32,7 @@ WATCH = "watch"
 RAW_LOG = "log.txt"
 """Beside an attempt: the lines that a model summed up."""
 ALL = "endpoint"
-"""The node that comes after all stages: all that was accepted is known to a duty."""
+"""The node that comes after all stages: all that was accepted is known to a background task."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,7 +67,7 @@ def watch(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
 
 
 def assignment(context: Context, duty: str, given: Given, judge: Judge, prove: Prove) -> Assignment:
-    """The assignment of a duty with this input; its agent corrects no spec."""
+    """The assignment of a background task with this input; its agent corrects no spec."""
     text = json.dumps(given.document, indent=1, ensure_ascii=False).encode("utf-8", "surrogatepass") + b"\n"
     asked = of_stage(context, duty)
     attempts = asked.budget.attempts if given.calls is None else min(asked.budget.attempts, given.calls)
@@ -84,7 +84,7 @@ def paid(context: Context, duty: str, finished: Finished, given: Given) -> Finis
 
 
 def judge_of(known: Artifacts, given: Given) -> Judge:
-    """The judge of a duty's output: schema and rules, held to the very input that was given."""
+    """The judge of a background task's output: schema and rules, held to the very input that was given."""
     held = replace(known, duty=DutyFacts.of(given.document))
 
     def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
@@ -98,7 +98,7 @@ def judge_of(known: Artifacts, given: Given) -> Judge:
 
 
 def calls_of(brief: Mapping[str, Any]) -> int | None:
-    """How many calls the hour has left, as a daemon tells it that asks while there is one; None: nobody counts."""
+    """How many calls the hour has left, as a daemon tells it that asks while there is one; None: no one counts."""
     calls = brief.get("calls")
     return max(1, calls) if isinstance(calls, int) and not isinstance(calls, bool) else None
 

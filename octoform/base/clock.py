@@ -31,7 +31,7 @@ def stamp(moment: float | datetime | None = None, digits: int = 0) -> str:
 
 
 def parse_stamp(text: object, zone: tzinfo | None = _UTC) -> datetime | None:
-    """The moment that a text names, in ``zone`` where it names none (None: it stays naive); None for all else."""
+    """The moment that a string names, in ``zone`` where it names none (None: it stays naive); None for all else."""
     if not isinstance(text, str):
         return None
     written, leap = _LEAP.subn(r"\1:59", text, count=1)  # a leap second is the one after it
@@ -43,7 +43,7 @@ def parse_stamp(text: object, zone: tzinfo | None = _UTC) -> datetime | None:
 
 
 def epoch(text: object, zone: tzinfo | None = _UTC) -> float | None:
-    """Seconds since 1970 of the moment that a text names, by local time where no zone is named; None for all else."""
+    """Seconds since 1970 of the moment that a string names, by local time where no zone is named; None for all else."""
     moment = parse_stamp(text, zone)
     try:
         return None if moment is None else moment.timestamp()

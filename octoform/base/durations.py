@@ -1,6 +1,6 @@
 """Durations, rates and hours of the day as people write them: a number without its unit is never guessed at.
 
-Manifest, specs, profiles and the command line write the same times, so what each form means stands here once.
+Manifest, specs, profiles and the command line write the same times, so what each form means is here once.
 """
 
 import re

@@ -1,6 +1,6 @@
 """One way to replace a file and one way to read one that may be a trap.
 
-A process that is killed, a disk that is full or a power cut must never leave half a file, and whatever stands in the
+A process that is killed, a disk that is full or a power cut must never leave half a file, and whatever is in the
 place of a file (a pipe, a device, a link, gigabytes, JSON without end) must never hold up or end whoever reads it. So
 a file is replaced by a complete and synced one, read only where it is a regular file of a sane size, and every
 refusal is an OSError or a ValueError with a reason for a person. Standard library only.
@@ -92,10 +92,10 @@ def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True) -
 
 
 def make_way(path: Path) -> None:
-    """Set what stands in the place of a file of ours and is none (a folder, a pipe, a link) aside, by another name.
+    """Set what is in the place of a file of ours and is none (a folder, a pipe, a link) aside, by another name.
 
     A folder may hold what somebody misses. Only for places that octoform alone writes; where a person named the place,
-    what stands there is theirs.
+    what is there is theirs.
     """
     with contextlib.suppress(FileNotFoundError):
         if not stat.S_ISREG(path.lstat().st_mode):
@@ -105,8 +105,8 @@ def make_way(path: Path) -> None:
 def private_folder(path: Path) -> Path:
     """Make a folder that is closed to others, and those above it that are missing; one that is there stays as it is.
 
-    OSError when that cannot be, or something else has its name. A folder above is closed as well: whoever may replace
-    it replaces what is in it.
+    OSError when that cannot be, or something else has its name. A folder above is closed as well: anyone who may
+    replace it replaces what is in it.
     """
     missing = takewhile(lambda each: not each.is_dir(), (path, *path.parents))
     for each in reversed([*missing]):
@@ -117,7 +117,7 @@ def private_folder(path: Path) -> Path:
 def walk(top: Path, deepest: int = DEEPEST) -> Iterator[tuple[Path, list[str], list[str]]]:
     """Each folder from ``top`` on, the upper ones first, with the names of its folders and of all else in it.
 
-    As `os.walk`, but without recursion, so that folders nested thousands of levels deep end nobody: what lies below
+    As `os.walk`, but without recursion, so that folders nested thousands of levels deep end no one: what lies below
     ``deepest`` levels, or too deep for a path, is not looked at. What is taken out of the list of folders is not
     entered, and neither is a link to one; a folder that is closed has nothing in it.
     """
@@ -398,7 +398,7 @@ def _finite(text: str) -> float:
 
 
 def _finite_whole(text: str) -> int:
-    """A whole number that arithmetic with others can take (float, and with it `math.isfinite`, has no larger one)."""
+    """An integer that arithmetic with others can take (float, and with it `math.isfinite`, has no larger one)."""
     value = int(text)
     try:
         float(value)

@@ -2,7 +2,7 @@
 
 `cp -a` and a backup take records along whose process is alive, only not theirs. The kernel's name of a folder (device
 and inode) goes with it when it is renamed and never with a copy, and the machine's id does not leave the machine.
-The machine may get another id meanwhile (`systemd-machine-id-setup`, a container with its own): where a record tells
+The machine may get another id meanwhile (`systemd-machine-id-setup`, a container with its own): where a record shows
 which start of the machine it is of, the same start is the same machine. Standard library only.
 """
 

@@ -5,7 +5,7 @@ kernel started it (proc(5), ``/proc/PID/stat``).
 
 A variable in the environment is lost to a program that starts another with an empty one. So the mark of a run is also a
 resource limit that Linux has not enforced since 2.4.25 (RLIMIT_LOCKS, setrlimit(2)): each process inherits it, whatever
-it does with its parent, its session and its environment, and an ordinary user can lower it but not raise it, so nobody
+it does with its parent, its session and its environment, and an ordinary user can lower it but not raise it, so no one
 comes to bear the mark of another run. What root started outside of a sandbox can take the limit off. Standard library
 only; where there is no /proc, nothing bears a mark and nothing is known of a process.
 """

@@ -48,11 +48,11 @@ _SPELLINGS: dict[str, str] = {
     **dict.fromkeys(("dbm",), "dBm"),
 }
 _LONG = tuple(word for word in _SPELLINGS if len(word) > 3)
-"""Spellings that mean a unit wherever they stand in a name or a sentence; the short ones only as a whole."""
+"""Spellings that mean a unit wherever they are in a name or a sentence; the short ones only as a whole."""
 COUNTS = frozenset({"count", "counts", "index", "number", "raw", "step", "steps", "ticks", "total"})
 """Last words of members that count something, whatever unit their description mentions."""
 _OF_ANOTHER_NUMBER = re.compile(r"(?:\d|\bper)\s*(?:deg(?:rees?)?\s*)?$")
-"""What stands before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
+"""What is before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
 
 
 def unit_of_text(text: Any) -> str | None:

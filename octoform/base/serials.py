@@ -2,7 +2,7 @@
 
 Makers leave defaults in place: counts, one symbol again and again, a date, a word. The two errors cost differently. A
 default that passes for a number lets an actuator follow it to the wrong twin; a good number that passes for none costs
-a refusal, and that only where several equal devices left their ports. So a number must carry enough that nobody would
+a refusal, and that only where several equal devices left their ports. So a number must carry enough that no one would
 have typed it, and less counts only where equal devices show different ones. Pure: values only.
 """
 
@@ -76,7 +76,7 @@ def same(one: str, other: str) -> bool:
 
 
 def is_placeholder(serial: str) -> bool:
-    """Whether a text stands where there is no number at all: zeros, one digit, or words for nothing."""
+    """Whether a string is where there is no number at all: zeros, one digit, or words for nothing."""
     number = _number(serial)
     return len(number) < 2 or not number.strip("0") or bare(serial) in _UNNAMED
 

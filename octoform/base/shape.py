@@ -25,7 +25,7 @@ INSTANCES = {
 def fits(value: Any, shape: Any) -> bool:
     """True when ``value`` has the form ``shape``.
 
-    A shape is a type (``int`` and ``float`` take no truth value, ``float`` takes whole numbers), None, a tuple of
+    A shape is a type (``int`` and ``float`` take no truth value, ``float`` takes integers), None, a tuple of
     shapes of which one fits, ``[shape]`` for a list, ``{str: shape}`` for an object of any names, ``{"name": shape}``
     for an object with at least these fields, where one that is missing counts as None.
     """

@@ -1,7 +1,7 @@
 """The tokens of an endpoint as a file: one format, written by the core and read by the process at the door.
 
-Both must agree on what counts: a token that one of them takes and the other refuses would be a way in that nobody
-sees, or a lock-out that nobody understands. Standard library only.
+Both must agree on what counts: a token that one of them takes and the other refuses would be a way in that no one
+sees, or a lock-out that no one understands. Standard library only.
 """
 
 import json

@@ -1,6 +1,6 @@
 """``octoform -chdir=FOLDER connect HOST`` to an endpoint that runs, with nothing loaded that a pipe does not need.
 
-This is how clients start it, and a small board takes a tenth of a second for every library that is left out. All that
+This is how clients start it, and a small board takes a tenth of a second for every library that is omitted. All that
 is not that simple is left to the command itself.
 """
 

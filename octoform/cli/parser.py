@@ -34,14 +34,14 @@ class Parser(argparse.ArgumentParser):
         self.add_argument("-h", "-help", "--help", action="help", help="show this help message and exit")
 
     more: str = ""
-    """The command that says more than this one, for a command that has no ``-v``."""
+    """The command that states more than this one, for a command that has no ``-v``."""
 
     def error(self, message: str) -> NoReturn:
         """Raise UsageError."""
         raise UsageError(message, self.format_usage())
 
     def _check_value(self, action: argparse.Action, value: str) -> None:
-        """One that is not among forty is told with the one that was meant, not with all of them."""
+        """One that is not among forty is reported with the one that was meant, not with all of them."""
         if action.choices is None or value in action.choices:
             return
         known = [str(name) for name in action.choices]
@@ -67,7 +67,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(f"{self.prog} knows no {kind} {word!r}; {said}", self.format_usage())
 
     def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
-        """No abbreviations: argparse would take `-auto` for `-auto-approve`, whatever ``allow_abbrev`` says."""
+        """No abbreviations: argparse would take `-auto` for `-auto-approve`, whatever ``allow_abbrev`` states."""
         return []
 
 

@@ -29,7 +29,7 @@ class Diagnostic:
 
     ``code`` is stable and has a page (``octoform explain CODE``). ``path`` is the file concerned, as the user would
     type it. A text file has ``span`` and ``source`` (the offending line, without its line end); a JSON artifact has
-    ``pointer`` (RFC 6901). ``detail`` may hold several lines; ``hint`` is one sentence that says what to do.
+    ``pointer`` (RFC 6901). ``detail`` may hold several lines; ``hint`` is one sentence that states what to do.
     """
 
     severity: Severity
@@ -66,7 +66,7 @@ def _text(text: str) -> str:
 
 
 def as_warning(item: Diagnostic) -> Diagnostic:
-    """The same, where it does not stand in the way yet."""
+    """The same, where it is not in the way yet."""
     return replace(item, severity=Severity.WARNING)
 
 
@@ -76,7 +76,7 @@ def has_errors(diagnostics: Iterable[Diagnostic]) -> bool:
 
 
 def to_json(item: Diagnostic) -> dict[str, object]:
-    """The JSON form used by every ``--json`` output; absent fields are left out."""
+    """The JSON form used by every ``--json`` output; absent fields are omitted."""
     out: dict[str, object] = {"severity": item.severity.value, "code": item.code, "summary": item.summary}
     if item.span is not None:
         place: dict[str, object] = {"line": item.span.line, "column": item.span.column}
@@ -91,7 +91,7 @@ def to_json(item: Diagnostic) -> dict[str, object]:
 
 
 def from_json(value: Mapping[str, object]) -> Diagnostic:
-    """The diagnostic of a JSON form; what is missing or of another kind is left out, so any object gives one."""
+    """The diagnostic of a JSON form; what is missing or of another kind is omitted, so any object gives one."""
     place = value.get("range")
     span = None
     if isinstance(place, dict) and isinstance(place.get("line"), int) and isinstance(place.get("column"), int):
@@ -110,7 +110,7 @@ def from_json(value: Mapping[str, object]) -> Diagnostic:
 def did_you_mean(word: str, candidates: Sequence[str]) -> str | None:
     """The candidate that ``word`` is a slip or the beginning of; None where none is near.
 
-    A slip is a letter or two that is another one, left out, added or swapped.
+    A slip is a letter or two that is another one, omitted, added or swapped.
 
     Another number is no slip (who writes ``usb-1f00-0002`` does not mean ``usb-1f00-0001``), but for swapped digits.
     """

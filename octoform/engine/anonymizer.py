@@ -47,7 +47,7 @@ class Veil:
         return replace(self, places=places)
 
     def text(self, text: str) -> str:
-        """A text with placeholders for folders and pseudonyms, those of the artifacts, for what is of this host."""
+        """A string with placeholders for folders and pseudonyms, those of the artifacts, for what is of this host."""
         return self._hidden(self._placed(redacted(self._whole(text), self.secrets)))
 
     def talk(self, text: str) -> str:
@@ -69,7 +69,7 @@ class Veil:
         return any(re.search(pattern, text, re.IGNORECASE) for pattern in patterns for text in texts)
 
     def _whole(self, text: str) -> str:
-        """Without a remnant at the end of a text that was cut there: no pattern would find it."""
+        """Without a remnant at the end of a string that was cut there: no pattern would find it."""
         if len(text) < TEXT_LIMIT:
             return text
         folded = text.casefold()
@@ -111,7 +111,7 @@ def veil(layout: Layout, environ: Mapping[str, str], outputs: Sequence[bytes], s
 
 
 def secret_values(names: Iterable[str], environ: Mapping[str, str]) -> dict[str, str]:
-    """Variable to value, for those of the names that are set and long enough to be told from a word."""
+    """Variable to value, for those of the names that are set and long enough to be distinguished from a word."""
     found = {name: environ.get(name, "") for name in sorted(names)}
     return {name: value for name, value in found.items() if len(value) >= SHORTEST_SECRET}
 

@@ -1,6 +1,6 @@
 """How much of a host's hardware can be used, as a pure function of the accepted artifacts.
 
-Every device that PROBE listed stands in the report exactly once, with what became of it, so that the figures can be
+Every device that PROBE listed is in the report exactly once, with what became of it, so that the figures can be
 counted after. What a figure rests on and is not there yet is None, never 0.
 """
 
@@ -56,7 +56,7 @@ class Standing(StrEnum):
 
 
 class Counted(StrEnum):
-    """Where a device counts: among the onboardable ones, as infrastructure, or beside both; ``open`` is not decided."""
+    """Where a device counts: among the eligible ones, as infrastructure, or beside both; ``open`` is not decided."""
 
     ONBOARDABLE = "onboardable"
     INFRASTRUCTURE = "infrastructure"
@@ -114,7 +114,7 @@ class Share:
 
 @dataclass(frozen=True, slots=True)
 class Group:
-    """The annotated devices of one category or class, how many of them have tools, and how many tools those are."""
+    """The identified devices of one category or class, how many of them have tools, and how many tools those are."""
 
     name: str
     annotated: int
@@ -161,8 +161,8 @@ class Coverage:
 class Ground:
     """What coverage rests on: accepted artifacts by stage, answers and tiers by device, tools denied to all.
 
-    ``closed`` are devices that this user may not use now, each with the sentence that says why; ``offers`` are devices
-    that a profile matches which the manifest does not name, each with the profile and the line that names it.
+    ``closed`` are devices that this user may not use now, each with the sentence that states why; ``offers`` are
+    devices that a profile matches which the manifest does not name, each with the profile and the line that names it.
     """
 
     artifacts: Mapping[str, Any]
@@ -310,7 +310,7 @@ def notes(snapshot: Snapshot, artifacts: Mapping[str, Any], files: Mapping[str, 
 
 
 def _of(state: NodeState, used: bool, digest: str | None) -> Iterator[str]:
-    """What is to be said of one stage by itself."""
+    """What is shown of one stage by itself."""
     if state.status is not Status.ACCEPTED:
         ended = "was interrupted" if state.status is Status.INTERRUPTED else "failed"
         kept = "what was accepted before is shown" if used else "nothing of it was accepted yet"
@@ -464,7 +464,7 @@ def _stability(
 
 
 def _given(folder: Path) -> str:
-    """Digest of what an agent was told beside the devices: spec, answers, profiles."""
+    """Digest of what an agent was given beside the devices: spec, answers, profiles."""
     task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"") or {}
     spec = read_plain(folder / "spec.md", MOST_SPEC_BYTES) or b""
     told = {name: task.get(name) or None for name in ("answers", "profiles")}

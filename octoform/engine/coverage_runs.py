@@ -1,7 +1,7 @@
 """The attempts of a host as passes through the stages, each with what it took and what it came to.
 
 A person applies, and the stages that have work run one after the other: that is a pass. Attempts are numbered over
-all of them, so a pass ends where the next attempt is of an earlier stage, or begins a stage anew.
+all of them, so a pass ends where the next attempt is of an earlier stage, or begins a stage again.
 """
 
 from collections import Counter
@@ -79,7 +79,7 @@ class Renamed:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """What N runs agree on. ``compared`` devices stand in at least two runs, ``same`` of them alike in all of theirs.
+    """What N runs agree on. ``compared`` devices are in at least two runs, ``same`` of them alike in all of theirs.
 
     ``agents`` are who ran, with how many runs. ``core`` are the abilities of every run, ``abilities`` how many there
     were in any, ``names`` how many different names their tools had. ``skipped`` runs were given something else than
@@ -142,7 +142,7 @@ def _abilities(run: Run) -> set[Ability]:
 
 
 def _differences(device: str, said: Sequence[Identity]) -> list[Disagreement]:
-    """In what the runs differ; of a device that some skipped nothing else is told."""
+    """In what the runs differ; of a device that some skipped nothing else is reported."""
     left = ["skipped" if item.category == LEFT_OUT else "identified" for item in said]
     if len(set(left)) > 1:
         return [Disagreement(device, "identified", _counted(left))]
@@ -213,8 +213,8 @@ _MEMBER = {"probe": "devices", "identify": "devices", "interface": "tools"}
 class Pass:
     """One pass. ``number`` is that of its first attempt, ``seconds`` are the agents' own, ``ended`` its last word.
 
-    ``enumerated``, ``annotated`` and ``tools`` are what stood at its end; None where that is no longer known, as are
-    tokens and US dollars that nobody told.
+    ``enumerated``, ``annotated`` and ``tools`` are what was at its end; None where that is no longer known, as are
+    tokens and US dollars that no one told.
     """
 
     number: int

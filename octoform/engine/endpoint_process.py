@@ -38,7 +38,7 @@ class Stopped:
 
 
 def start(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
-    """Start the endpoint; an endpoint that runs is left alone. In a copied or moved folder it is made anew."""
+    """Start the endpoint; an endpoint that runs is left alone. In a copied or moved folder it is made again."""
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found

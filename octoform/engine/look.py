@@ -63,7 +63,7 @@ class Look:
 
     @property
     def suspected(self) -> bool:
-        """True when more pictures are needed to tell whether the camera stands still."""
+        """True when more pictures are needed to determine whether the camera stands still."""
         frame = self.record.current if self.record else None
         return frame is not None and frame.suspected
 

@@ -218,7 +218,7 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
 
 
 def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
-    """The draft and the name of the profile in it; what the owner answered goes before what the device says."""
+    """The draft and the name of the profile in it; what the owner answered goes before what the device reports."""
     product, maker = _named_in(answer), ""
     if not product and not is_chip_name(_said(device, "product"), str(device.get("raw_descriptor", ""))):
         product, maker = _said(device, "product"), _said(device, "manufacturer")
@@ -250,7 +250,7 @@ def _named_in(answer: str) -> str:
 
 
 def _said(device: Mapping[str, Any], key: str) -> str:
-    """The device's own string under a key of its PROBE text: of what stands between PROBE's marks the longest part."""
+    """The device's own string under a key of its PROBE text: of what is between PROBE's marks the longest part."""
     found = re.search(rf"^{key}: (.{{1,120}})$", str(device.get("raw_descriptor", "")), re.MULTILINE)
     parts = _MARKS.split(found[1]) if found else [""]
     return max((" ".join(part.split()) for part in parts), key=len)

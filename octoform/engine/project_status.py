@@ -1,6 +1,6 @@
-"""In sync or not, and what the process that serves the endpoint says of itself. (Heavy.)
+"""In sync or not, and what the process that serves the endpoint reports of itself. (Heavy.)
 
-How the deployment is, no word is said of here: that verdict is one for all (`octoform.daemon.status`).
+How the deployment is is no matter of this module: that verdict is one for all (`octoform.daemon.status`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,7 +31,7 @@ class Process:
     """What serves the endpoint now, if anything does.
 
     ``told`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
-    ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what latched the emergency stop,
+    ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what engaged the emergency stop,
     which outlives the process; ``tokens`` how many open the endpoint over the network.
     """
 
@@ -100,7 +100,7 @@ def _process(layout: Layout) -> Process:
 
 
 def _latched(layout: Layout) -> Mapping[str, Any] | None:
-    """What latched the emergency stop; whatever stands in the latch's place holds it, readable or not."""
+    """What engaged the emergency stop; whatever is in the latch's place holds it, readable or not."""
     try:
         words = files.read_json(layout.run / LATCH, any_text=True)
         return {name: str(words[name]) for name in ("by", "reason", "since")}

@@ -24,7 +24,7 @@ Environ = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What stands between a host and its person: open questions, answers, the devices that can be spoken of."""
+    """What is between a host and its person: open questions, answers, the devices that can be spoken of."""
 
     questions: tuple[OpenQuestion, ...]
     answers: Mapping[str, str]

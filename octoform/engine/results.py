@@ -57,9 +57,9 @@ class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it.
 
     ``questions`` are those that are open: one for each device whose meaning is missing. ``incomplete`` are the ids of
-    served devices that this user may not use, ``silent`` says that most of the endpoint's read tools did not answer in
-    this run, empty where they did: nothing failed, and the host is degraded. ``recorded`` is the folder of a recorded
-    host, whose devices cannot be opened.
+    served devices that this user may not use, ``silent`` states that most of the endpoint's read tools did not answer
+    in this run, empty where they did: nothing failed, and the host is degraded. ``recorded`` is the folder of a
+    recorded host, whose devices cannot be opened.
     """
 
     operation: str
@@ -102,7 +102,7 @@ class RunView(Protocol):
         """Show what is going to be done."""
 
     def approve(self) -> bool:
-        """Ask the person; False when the answer is not yes or nobody can be asked."""
+        """Ask the person; False when the answer is not yes or no one can be asked."""
 
     def watching(self) -> AbstractContextManager[Callable[[Event], None]]:
         """A context that gives the sink for events."""
@@ -115,13 +115,13 @@ class RunView(Protocol):
 
 
 class Unwatched:
-    """Shows nothing, and can ask nobody."""
+    """Shows nothing, and can ask no one."""
 
     def plan(self, plan: Plan) -> None:
-        """Nobody looks at it."""
+        """No one looks at it."""
 
     def approve(self) -> bool:
-        """Nobody can be asked."""
+        """No one can be asked."""
         return False
 
     @contextmanager
@@ -130,4 +130,4 @@ class Unwatched:
         yield lambda _: None
 
     def ended(self, result: RunResult) -> None:
-        """Nobody is shown it."""
+        """No one is shown it."""

@@ -29,7 +29,7 @@ Environ = Mapping[str, str]
 def stop(project: Path, reason: str) -> tuple[list[Estop], list[Diagnostic]]:
     """Stop every endpoint of this folder: whose manifest cannot be read has devices that move all the same.
 
-    From a folder inside of a project that is the project; nobody has the time to look for its top.
+    From a folder inside of a project that is the project; no one has the time to look for its top.
     """
     return _each(_nearest(project), lambda layout: estop.stop(layout, person(), reason))
 

@@ -144,7 +144,7 @@ def _linked(folder: Path) -> Diagnostic:
 
 
 def _unproved(opened: Found, edit: PendingEdit) -> list[Diagnostic]:
-    """An edit counts when the record of its attempt, or the state, says that the agent was asked for it."""
+    """An edit counts when the record of its attempt, or the state, states that the agent was asked for it."""
     known = opened.snapshot.nodes.get(edit.stage)
     record = attempts.read(opened.compiled.layout.attempts / edit.attempt)
     made = record.spec_edit if record is not None and record.stage == edit.stage else None

@@ -91,7 +91,7 @@ def answered(project: Path, environ: Mapping[str, str]) -> frozenset[str]:
 
 
 def example(listed: Sequence[Mapping[str, Any]], good: frozenset[str]) -> tuple[str, list[str]] | None:
-    """Name and arguments (``NAME=VALUE``) of a call that only reads; None where each needs what nobody can guess.
+    """Name and arguments (``NAME=VALUE``) of a call that only reads; None where each needs what no one can guess.
 
     One of the ``good`` tools goes first. A required argument that is a choice gets its first value.
     """
@@ -106,7 +106,8 @@ def example(listed: Sequence[Mapping[str, Any]], good: frozenset[str]) -> tuple[
 def layout_of(project: Path, environ: Mapping[str, str]) -> tuple[Layout | None, list[Diagnostic]]:
     """The paths of the project's host, from the memo where it holds; the diagnostics where there is none.
 
-    What another user keeps to himself is such a problem: nothing that is in there can be told from what is not there.
+    What another user keeps to himself is such a problem: nothing that is in there can be distinguished from what is not
+    there.
     """
     host = memo.host_of(project)
     if host is not None:

@@ -33,9 +33,9 @@ def compile_graph(
 
 
 def _step(step: Step, manifest: Manifest, profiles: tuple[Profile, ...]) -> Node:
-    """A step stands behind the endpoint, through which it is carried out, and depends on what the endpoint is made of.
+    """A step is behind the endpoint, through which it is carried out, and depends on what the endpoint is made of.
 
-    A restart of the endpoint proves nothing anew; another server does.
+    A restart of the endpoint proves nothing again; another server does.
     """
     harness = manifest.harness_for(step.node)
     model = manifest.model_for(step.node)
@@ -91,7 +91,7 @@ def _maker(harness: HarnessSpec, project: Path) -> str:
 
     That is the command line of any program, the recording that is given again (by its path in the project, which is
     the same on every machine) and a search of the web. Where a known program stands, how it reaches its model, what it
-    may see and what it may use are no part: they decide whether an output comes, never what it says.
+    may see and what it may use are no part: they decide whether an output comes, never what it states.
     """
     if harness.name == "command":
         return f"{harness.name} {digest.short(digest.of_value([*harness.command, harness.prompt_via]))}"

@@ -72,7 +72,7 @@ def _limit(limit: Limit) -> str:
 
 
 def _of_profiles(profiles: "tuple[Profile, ...]") -> Iterator[tuple[str, str]]:
-    """What the endpoint enforces of each profile, and the rule that says for which devices."""
+    """What the endpoint enforces of each profile, and the rule that states for which devices."""
     for profile in profiles:
         if profile.limits or profile.stop:
             stop = [[action.kind, action.baud, action.write.hex()] for action in profile.stop]
@@ -82,5 +82,5 @@ def _of_profiles(profiles: "tuple[Profile, ...]") -> Iterator[tuple[str, str]]:
 
 
 DEFAULTS: Mapping[str, str] = _settings(Network(), Tunnel(), Policy())
-"""The text of every part that is left out where it says just this."""
+"""The text of every part that is omitted where it says just this."""
 _USED_IN = {f"{_PREFIX}network": ("intranet", "internet"), f"{_PREFIX}tunnel": ("internet",)}

@@ -21,7 +21,7 @@ STEP = "step."
 class NodeKind(StrEnum):
     """A stage is made by an agent, the endpoint by octoform's own code; a privileged step is by both.
 
-    Of a step an agent says what is to be tried, and octoform tries it.
+    Of a step an agent reports what is to be tried, and octoform tries it.
     """
 
     STAGE = "stage"

@@ -32,7 +32,7 @@ class Setup:
 class Slot:
     """One such folder and what makes it.
 
-    ``whole`` tells whether it is there. ``fill`` puts its content into an empty sibling folder; ``seal`` runs last, at
+    ``whole`` shows whether it is there. ``fill`` puts its content into an empty sibling folder; ``seal`` runs last, at
     the final place, proves the content and marks it as whole.
     """
 

@@ -1,7 +1,7 @@
 """One attempt below containment, as every harness does it: environment, log, and the run told back as an Outcome.
 
-A harness only says which program to run, how the prompt reaches it and how its output is read; everything that must
-hold for any agent stands here once.
+A harness only states which program to run, how the prompt reaches it and how its output is read; everything that must
+hold for any agent is here once.
 """
 
 import json
@@ -178,7 +178,7 @@ def outcome(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
 
 
 def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReason:
-    """What the stream said stands above the exit status: several programs leave with 0 after a failure."""
+    """What the stream said is above the exit status: several programs leave with 0 after a failure."""
     if ended.reason == "ordered" and watcher.reason is not None:
         return watcher.reason
     if ended.reason != "ended":

@@ -1,4 +1,4 @@
-"""What a check of an agent's surroundings says, and the checks of its program: there, the tried version, its node.
+"""What a check of an agent's surroundings states, and the checks of its program: there, the tried version, its node.
 
 A check that could not be carried out, or whose answer proves nothing, is ``unknown``, which is not ``pass``.
 """

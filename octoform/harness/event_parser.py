@@ -19,7 +19,7 @@ class Dialect(Protocol):
     """Reads the lines of one run."""
 
     def read(self, stream: str, line: bytes) -> Iterable[AgentEvent]:
-        """The events of one line of ``stdout`` or ``stderr``; never raises for what stands in it."""
+        """The events of one line of ``stdout`` or ``stderr``; never raises for what is in it."""
         ...
 
 
@@ -35,7 +35,7 @@ def json_object(line: bytes) -> dict[str, Any] | None:
 
 
 def field(value: object, *path: str | int) -> Any:
-    """What stands at a path of keys and indexes inside a JSON value; None when any step is not there."""
+    """What is at a path of keys and indexes inside a JSON value; None when any step is not there."""
     for step in path:
         if isinstance(value, dict) and isinstance(step, str):
             value = value.get(step)
@@ -47,7 +47,7 @@ def field(value: object, *path: str | int) -> Any:
 
 
 def count(value: object, *path: str | int) -> int | None:
-    """The token count at a path; None for anything but a sensible whole number."""
+    """The token count at a path; None for anything but a sensible integer."""
     found = field(value, *path)
     return found if isinstance(found, int) and not isinstance(found, bool) and 0 <= found < 1 << 53 else None
 

@@ -90,7 +90,7 @@ def _at(value: Any, names: tuple[str, ...]) -> Any:
 
 
 def _until(document: Any, token: str, login: Login) -> float | None:
-    """When the token ends, in seconds since 1970; None where nobody says so."""
+    """When the token ends, in seconds since 1970; None where no one states that."""
     if login.until is not None:
         milliseconds = _at(document, login.until)
         return milliseconds / 1000 if isinstance(milliseconds, int | float) else None

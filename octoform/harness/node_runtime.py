@@ -26,7 +26,7 @@ _VERSION = re.compile(r"v?(\d+)\.(\d+)\.(\d+)")
 class Node:
     """A node with its npm: ``npm`` is the beginning of npm's arguments.
 
-    ``folder`` has to stand before PATH; None where PATH finds this node already. ``version`` is as node says it.
+    ``folder`` has to be before PATH; None where PATH finds this node already. ``version`` is as node reports it.
     """
 
     npm: tuple[str, ...]
@@ -58,7 +58,7 @@ def machine_version(environ: Mapping[str, str]) -> str | None:
 
 
 def version_of(program: str, environ: Mapping[str, str]) -> str | None:
-    """The version that a node program says it has; None when it does not answer.
+    """The version that a node program reports it has; None when it does not answer.
 
     Without a home folder, as an agent will start it: a shim that picks a version by the user's files is no node here.
     """

@@ -39,7 +39,7 @@ class ExitReason(StrEnum):
 class Usage:
     """What a run cost, as far as it is known: tokens as counts, cost in US dollars; None is unknown.
 
-    ``input_tokens`` are all tokens that went in, the ``cached_tokens`` among them. ``cost_source`` says who priced
+    ``input_tokens`` are all tokens that went in, the ``cached_tokens`` among them. ``cost_source`` states who priced
     them: ``manifest``, a table (``litellm`` or octoform's own, with its date), or the program that reports its cost.
     """
 
@@ -64,7 +64,7 @@ class Price:
 class TaskLimits:
     """What one run may use: seconds in all, seconds without a sign of progress, replies of the model, US dollars.
 
-    None is no limit. Only harnesses whose output tells of turns can keep a limit of turns and dollars.
+    None is no limit. Only harnesses whose output shows turns can keep a limit of turns and dollars.
     ``patience_seconds`` is how long a program may go on trying after the model's side has begun to fail.
     """
 
@@ -80,7 +80,7 @@ class Task:
     """One attempt at one stage.
 
     ``workdir`` is the attempt's own folder and the agent's working directory; ``output`` lies in it and does not
-    exist yet. ``document`` is the machine-readable task that stands in ``workdir/task.json``. ``environment`` is what
+    exist yet. ``document`` is the machine-readable task that is in ``workdir/task.json``. ``environment`` is what
     the caller has: the agent gets PATH, the OCTOFORM_ settings and the variables that its harness names out of it.
     ``secrets`` names the variables whose values may reach no file; ``price`` is what the model costs, None unknown.
     """
@@ -109,7 +109,7 @@ class Outcome:
     """How the run ended; ``exit_status`` is negative for a signal, None when nothing was started.
 
     ``turns`` counts replies of the model, None where the harness cannot tell. ``program`` is the program that ran,
-    with its version where it said one. ``unconfined`` says why the agent ran without a sandbox that was to be had;
+    with its version where it said one. ``unconfined`` states why the agent ran without a sandbox that was to be had;
     empty where it was confined or was not to be.
     """
 
@@ -160,7 +160,7 @@ class Turn:
 
 @dataclass(frozen=True, slots=True)
 class Totals:
-    """The program's own sum over the whole run; it stands above what was added up from turns."""
+    """The program's own sum over the whole run; it is above what was added up from turns."""
 
     usage: Usage
 
@@ -179,7 +179,7 @@ class Trouble:
 
 @dataclass(frozen=True, slots=True)
 class Closed:
-    """The program says that its run is over; ``ok`` as it sees it, with its own closing words."""
+    """The program reports that its run is over; ``ok`` as it sees it, with its own closing words."""
 
     ok: bool
     text: str = ""
@@ -196,7 +196,7 @@ class Harness(Protocol):
 
     @property
     def name(self) -> str:
-        """The name that stands in the manifest."""
+        """The name that is in the manifest."""
         ...
 
     def run(self, task: Task, progress: ProgressSink) -> Outcome:

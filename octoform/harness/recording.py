@@ -1,7 +1,7 @@
 """A recorded run: what the agents of each stage did, said, wrote and used, so that it can be played again.
 
 A folder with ``recording.json`` and the files that it names. It is made to be given away and to lie in git, so it holds
-kinds only; and whoever plays it takes it as data of a stranger: names stay below the folder, links are not followed.
+kinds only; and anyone who plays it takes it as data of a stranger: names stay below the folder, links are not followed.
 (Heavy: pydantic.)
 """
 

@@ -1,6 +1,6 @@
 """Which harness a name of the manifest means.
 
-A short name maps to a factory by its dotted path, imported only when it is chosen, so that a program nobody uses
+A short name maps to a factory by its dotted path, imported only when it is chosen, so that a program no one uses
 costs nothing.
 """
 

@@ -43,7 +43,7 @@ def read(path: Path) -> list[Moment]:
 
 
 def decode(data: bytes) -> list[Moment]:
-    """The events that the lines hold; what is no event is left out."""
+    """The events that the lines hold; what is no event is omitted."""
     found = []
     for line in data.split(b"\n"):
         value = json_object(line)

@@ -66,7 +66,7 @@ class _Seen:
 
 
 class Watcher:
-    """Feed it the redacted output; `tick` says when the run has to be ended, `reason` why."""
+    """Feed it the redacted output; `tick` states when the run has to be ended, `reason` why."""
 
     def __init__(
         self,
@@ -125,7 +125,7 @@ class Watcher:
 
     @property
     def last_words(self) -> str:
-        """What stood last on standard error, and the last line there that spoke of an error; empty where nothing did.
+        """What was last on standard error, and the last line there that spoke of an error; empty where nothing did.
 
         Only where a dialect reads the output: what others print is shown as it is.
         """
@@ -271,7 +271,7 @@ class _Lines:
         return out
 
     def rest(self) -> list[bytes]:
-        """What stood after the last line end."""
+        """What was after the last line end."""
         return [b"".join(self._held)] if self._held else []
 
 

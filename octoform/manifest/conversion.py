@@ -64,7 +64,7 @@ HOUSEKEEPER = "litellm"
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """An agent in force, and where the file says so; ``model_at`` is there also where no model is given."""
+    """An agent in force, and where the file states that; ``model_at`` is there also where no model is given."""
 
     harness: Harness
     at: Loc
@@ -95,7 +95,7 @@ class Agent:
 def of_stage(document: Document, name: str) -> Agent:
     """The agent of a stage, or of one of `KEEPERS`.
 
-    A recorded run holds no troubles of a later day: where the general agent is one, the embedded agent keeps watch. A
+    A recorded run holds no problems of a later day: where the general agent is one, the embedded agent keeps watch. A
     model has nothing to add to what the kernel lists: where the general agent needs one, the embedded agent does PROBE.
     """
     own: Stage = getattr(document.stages, name)
@@ -156,12 +156,12 @@ def key_of(
 
 
 def has_login(settings: ModelHarness | HousekeepingTable) -> bool:
-    """Whether the person's own login with the program stands in for a key."""
+    """Whether the person's own login with the program replaces a key."""
     return isinstance(settings, ProgramHarness) and settings.login
 
 
 def resolved(text: str, environ: Mapping[str, str]) -> str | None:
-    """A text with its references replaced, None as long as one of them has no value. Never to be kept or shown."""
+    """A string with its references replaced, None as long as one of them has no value. Never to be kept or shown."""
     is_whole = not references.malformed(text) and all(environ.get(name) for name in references.names(text))
     return references.resolve(text, environ) if is_whole else None
 
@@ -197,7 +197,7 @@ def _limit(source: policy_schema.Limit) -> Limit:
 
 
 def _plain(value: float | None) -> float | None:
-    """A whole number as one, so that messages show it as it was written."""
+    """An integer as one, so that messages show it as it was written."""
     return int(value) if value is not None and value.is_integer() else value
 
 
@@ -378,6 +378,6 @@ def timeouts(general: document.Budget, own: document.StageBudget) -> tuple[float
 
 
 def idle(general: document.Budget, own: document.StageBudget) -> float | None:
-    """Seconds without a sign of progress, the stage's own setting first; None where nobody chose them."""
+    """Seconds without a sign of progress, the stage's own setting first; None where no one chose them."""
     chosen = own.idle_timeout or general.idle_timeout
     return float(seconds(chosen) or 0) if chosen is not None else None

@@ -1,6 +1,6 @@
 """Programs whose owner may be logged in (a subscription) instead of having a key: where their login lies.
 
-Only the token that opens the service for some hours or days is taken, never the one that renews it: whoever renews a
+Only the token that opens the service for some hours or days is taken, never the one that renews it: anyone who renews a
 login makes every other copy of it void, so that the owner would be logged out. Light.
 
 Whether a variable holds what can be a key at all, before anybody sends it. Light.
@@ -27,7 +27,7 @@ def complaint(name: str, environ: Mapping[str, str]) -> str | None:
 
 
 def is_sendable(key: str) -> bool:
-    """True when each character may stand in the header of a request."""
+    """True when each character may be in the header of a request."""
     return all("!" <= character <= "~" for character in key)
 
 
@@ -38,9 +38,9 @@ class Login:
     ``variable`` is the one that its agent finds the token in; its owner may set it as well. ``file`` is where the
     program keeps its login, below the folder that the variable ``folder`` names or else below ``home`` in the owner's
     home. ``token`` and ``until`` are the names on the way to the token and to its end in milliseconds since 1970 (None:
-    the token is a JWT that says so itself, RFC 7519); ``account`` likewise, for a program that sends it along, as the
-    variable ``account_variable``. ``url`` is where the API of such an account is, None: the provider's own. ``renew``
-    says how its owner renews it.
+    the token is a JWT that states that itself, RFC 7519); ``account`` likewise, for a program that sends it along, as
+    the variable ``account_variable``. ``url`` is where the API of such an account is, None: the provider's own.
+    ``renew`` states how its owner renews it.
     """
 
     provider: str
@@ -158,7 +158,7 @@ _KEY_ENDS = re.compile(KEY_END.source())
 
 
 def assigned_in(text: str) -> list[tuple[int, int]]:
-    """Where a literal is given to a secret's name inside a text (``--api-key=...``): (start, end) offsets."""
+    """Where a literal is given to a secret's name inside a string (``--api-key=...``): (start, end) offsets."""
     return [found.span(1) for found in _ASSIGNMENT.finditer(text)]
 
 

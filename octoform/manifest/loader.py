@@ -16,7 +16,7 @@ def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[
     """The manifest of a file, or None and what is wrong with it; warnings come along with a manifest.
 
     ``path`` is shown in diagnostics as it is given. ``environ`` is only asked whether variables are set. Never raises
-    for what stands in the file; what cannot be decoded or parsed is one problem, everything after that is gathered.
+    for what is in the file; what cannot be decoded or parsed is one problem, everything after that is gathered.
     """
     report = ProblemList(str(path))
     content = read(path, report)
@@ -52,7 +52,7 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
 def named_profiles(path: Path) -> tuple[ProfileSource, ...]:
     """The profiles that a manifest names and that are there, also of a manifest with problems.
 
-    So that the problems of all files can be told at once; what is wrong with the manifest is told by `load`.
+    So that the problems of all files can be reported at once; what is wrong with the manifest is told by `load`.
     """
     report = ProblemList(str(path))
     content = read(path, report)

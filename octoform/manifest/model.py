@@ -37,7 +37,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a call of the tools behind the glob ``tool`` must keep to; None where it says nothing.
+    """What a call of the tools behind the glob ``tool`` must keep to; None where it states nothing.
 
     The numbers are bounds of the value of ``parameter``: ``step`` of its change from call to call, ``cumulative`` of
     its sum. ``rate`` is a count of calls and the seconds that they are counted in, ``cooldown`` the seconds between
@@ -111,9 +111,9 @@ PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "p
 
 @dataclass(frozen=True, slots=True)
 class Sandbox:
-    """Confinement of an agent: it writes only in its attempt's folder; ``network`` says whether it has one.
+    """Confinement of an agent: it writes only in its attempt's folder; ``network`` states whether it has one.
 
-    One that is not ``required`` is left out where it cannot be had, which is reported.
+    One that is not ``required`` is omitted where it cannot be had, which is reported.
     """
 
     network: bool = True
@@ -243,7 +243,7 @@ class Tunnel:
 
 @dataclass(frozen=True, slots=True)
 class TypedProfile:
-    """A profile that stands in the manifest itself: its text is what a file of it would hold.
+    """A profile that is in the manifest itself: its text is what a file of it would hold.
 
     ``place`` names it in the manifest; its first line is ``line`` there, indented by ``indent`` columns.
     """
@@ -271,7 +271,7 @@ class Perception:
 
 @dataclass(frozen=True, slots=True)
 class Notify:
-    """Who hears of an episode that a person should know of.
+    """Who hears of an incident that a person should know of.
 
     ``command`` gets it as JSON on its standard input, ``webhook`` as a POST (reference unresolved), ``desktop`` as a
     notification of the person's own session.
@@ -287,7 +287,7 @@ class Daemon:
     """How the deployment is kept alive.
 
     ``interval`` and ``claim_seconds`` are in seconds: the fallback between two looks, and the longest that a claim
-    holds without new evidence. ``heal_attempts`` are the tries before a trouble is frozen. ``apply`` is ``auto`` or
+    holds without new evidence. ``heal_attempts`` are the tries before a problem is frozen. ``apply`` is ``auto`` or
     ``ask``: whether new kinds of hardware are onboarded at once. ``calls_per_hour`` and ``usd_per_hour`` cap the agents
     (None: no limit in dollars). ``metrics`` is the absolute path of the file for Prometheus.
     """
@@ -392,6 +392,6 @@ class Manifest:
     def settings_for(self, stage: str) -> dict[str, object]:
         """The JSON-able settings that the key of a stage reads: changing one of them makes the stage run again.
 
-        Attempts and timeouts are in no key: they decide whether an output comes, never what it says.
+        Attempts and timeouts are in no key: they decide whether an output comes, never what it states.
         """
         return {"tools": self.budget_for(stage).tools} if stage == "interface" else {}

@@ -1,6 +1,6 @@
 """The URL of a model's API as a manifest gives it: what is one, and which are on this machine. Light.
 
-References to variables may stand in it, so it is looked at twice: as it is written, and with its values. What is said
+References to variables may be in it, so it is looked at twice: as it is written, and with its values. What is stated
 about it never repeats it: a URL may hold what its author did not want to be seen.
 """
 
@@ -33,7 +33,7 @@ def url_complaint(url: str) -> tuple[str, str] | None:
 
 
 def url_complaint_as_written(text: str) -> tuple[str, str] | None:
-    """As `complaint`, of a text that may hold references; what they stand for is not known here."""
+    """As `complaint`, of a string that may hold references; what they stand for is not known here."""
     if not contains(text):
         return url_complaint(text)
     # A digit may stand in a host, a port and a path; what begins with a reference may begin with any scheme.
@@ -67,11 +67,11 @@ def is_legal_host(name: str) -> bool:
 
 
 def nearest_host(text: str) -> str:
-    """The nearest legal name to a text, empty when nothing is left of it."""
+    """The nearest legal name to a string, empty when nothing is left of it."""
     return re.sub(r"[^a-z0-9]+", "-", text.lower()).strip("-")[:63].strip("-")
 
 
 def host_of_machine(machine: str) -> str:
-    """A name for a machine: the first label of its own name, or the default where that says nothing."""
+    """A name for a machine: the first label of its own name, or the default where that states nothing."""
     name = nearest_host(machine.split(".")[0])
     return DEFAULT_HOST if name in ("", "localhost") else name

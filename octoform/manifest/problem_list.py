@@ -69,7 +69,7 @@ class ProblemList:
 
     @staticmethod
     def shown(value: object) -> str:
-        """A value of the file as it may stand in a message: on one line, bounded, secrets masked."""
+        """A value of the file as it may be in a message: on one line, bounded, secrets masked."""
         text = " ".join(credentials.masked(str(value)).split())
         return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
 

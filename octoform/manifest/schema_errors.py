@@ -168,7 +168,7 @@ def keys_at(root: Table, loc: Loc) -> tuple[str, ...]:
 
 
 def home_of(loc: Loc) -> Loc | None:
-    """The table where a key belongs that stands at a path where nothing has that name; None for one unknown."""
+    """The table where a key belongs that is at a path where nothing has that name; None for one unknown."""
     name = str(loc[-1])
     if loc[-2:-1] == ("harness",) and name in ProgramHarness.model_fields | CommandHarness.model_fields:
         return None  # a setting of another kind of agent
@@ -264,7 +264,7 @@ class _Problem:
         )
 
     def _is_misspelt(self, name: str, parent: Table) -> bool:
-        """True when a key stands there that is reported as a slip of this one."""
+        """True when a key is there that is reported as a slip of this one."""
         known = keys_at(self._root, self._loc[:-1])
         keys = [key.text[:LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
         return any(did_you_mean(key, known) == name for key in keys)
@@ -327,7 +327,7 @@ class _Problem:
             self._not_one_of(value, self._harnesses())
 
     def _harnesses(self) -> tuple[str, ...]:
-        """The harnesses that may stand here."""
+        """The harnesses that may be here."""
         return tuple(name for name in NAMES if name != "builtin" or "escalate" not in self._loc)
 
     def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:

@@ -78,7 +78,7 @@ def drop(text: str, table: str, key: str) -> str | None:
 
 
 def _root(text: str) -> Table | None:
-    """The tree of a text whose line ends are one character each in it, as the reader counts."""
+    """The tree of a string whose line ends are one character each in it, as the reader counts."""
     plain = text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
     return read_tree(plain, ProblemList("octopus.yaml"))
 
@@ -94,7 +94,7 @@ def _entry(indent: int, key: str, value: str) -> str:
 
 
 def _quoted(value: str) -> str:
-    """A text as YAML and JSON both write it, on one line."""
+    """A string as YAML and JSON both write it, on one line."""
     return json.dumps(value, ensure_ascii=False)
 
 
@@ -197,7 +197,7 @@ def _changed(text: str, keys: Sequence[str], value: Value | None) -> str | None:
 
 
 def comments(text: str) -> list[str]:
-    """The comments of a YAML text, in order: what stands between its tokens and is no white space."""
+    """The comments of a YAML text, in order: what is between its tokens and is no white space."""
     text = _lf(text)
     found: list[str] = []
     position = 0
@@ -232,7 +232,7 @@ def _edited(text: str, keys: Sequence[str], value: Value | None) -> str | None:
 
 
 def _listed(value: list[str], old: object) -> CommentedSeq:
-    """A list in the form that stood there, on one line where none did."""
+    """A list in the form that was there, on one line where none did."""
     new = CommentedSeq(value)
     if not isinstance(old, CommentedSeq) or old.fa.flow_style() is not False:
         new.fa.set_flow_style()

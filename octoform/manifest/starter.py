@@ -1,6 +1,6 @@
 """The first octopus.yaml of a host: complete, commented, and valid as it is.
 
-Light: a person's first command should not wait for a YAML reader to copy a text.
+Light: a person's first command should not wait for a YAML reader to copy a string.
 """
 
 import os

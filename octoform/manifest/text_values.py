@@ -60,7 +60,7 @@ def _may_hide_one(loc: Loc, scalar: Scalar) -> bool:
 
 
 def _is_named_secret(root: Node, loc: Loc) -> bool:
-    """True for the value of a key, or behind an option, whose name says that it is a secret."""
+    """True for the value of a key, or behind an option, whose name states that it is a secret."""
     if loc and isinstance(loc[-1], str):
         return credentials.is_secret_name(loc[-1])
     if loc and isinstance(loc[-1], int) and loc[-1] > 0:
@@ -175,7 +175,7 @@ def check(document: Document, root: Table, environ: Mapping[str, str], report: P
 
 
 class _Rules:
-    """The rules over one document; the same place is told once, however many stages it holds for."""
+    """The rules over one document; the same place is reported once, however many stages it holds for."""
 
     def __init__(self, document: Document, root: Table, environ: Mapping[str, str], report: ProblemList) -> None:
         self._document = document

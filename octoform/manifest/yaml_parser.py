@@ -61,7 +61,7 @@ _WHERE_IT_BEGAN = (
 
 
 def explain(problem: MarkedYAMLError, report: ProblemList) -> None:
-    """Report a problem of syntax, at the place where a person would mend it."""
+    """Report a problem of syntax, at the place where a person would fix it."""
     words = str(problem.problem or problem.context or "it cannot be read")
     mark = problem.problem_mark or problem.context_mark
     if problem.context_mark is not None and any(part in words for part in _WHERE_IT_BEGAN):

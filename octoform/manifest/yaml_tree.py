@@ -1,7 +1,7 @@
 """A YAML document as a tree in which every value knows its place in the file.
 
 Diagnostics need line and column of keys and values long after the text was parsed; the plain data that the schema
-checks needs none of it. This tree stands between the two and knows neither the YAML reader nor pydantic.
+checks needs none of it. This tree is between the two and knows neither the YAML reader nor pydantic.
 """
 
 import re
@@ -127,4 +127,4 @@ HARNESSES: tuple[Loc, ...] = (
 KEYS: tuple[Loc, ...] = (*((*loc, "key") for loc in HARNESSES), ("housekeeping", "key"))
 BASE_URLS: tuple[Loc, ...] = (*((*loc, "base_url") for loc in HARNESSES), ("housekeeping", "base_url"))
 WEBHOOK: Loc = ("daemon", "notify", "webhook")
-"""The URL that is told of troubles; whoever has it may write there, so it may be a secret as a whole."""
+"""The URL that is told of problems; whoever has it may write there, so it may be a secret as a whole."""

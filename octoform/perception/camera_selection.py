@@ -1,4 +1,4 @@
-"""Which cameras a host has, and which of them is looked through when nobody said so.
+"""Which cameras a host has, and which of them is looked through when no one said so.
 
 A camera that shares a hub with what is commanded may vanish just when it is needed, and one that is built into the
 machine looks at the person in front of it and not at the bench.
@@ -23,7 +23,7 @@ class Camera:
     """One camera and the call that takes its picture.
 
     ``hub_shared_with`` are the devices that are commanded (serial boards, actuators) behind a hub of the camera's;
-    ``built_in`` says that it is a part of the machine, ``hint`` that the manifest names it.
+    ``built_in`` states that it is a part of the machine, ``hint`` that the manifest names it.
     """
 
     device: str
@@ -34,7 +34,7 @@ class Camera:
     hint: bool = False
 
     def to_json(self) -> dict[str, Any]:
-        """The form in which an agent is told of it."""
+        """The form in which an agent is notified of it."""
         return {**asdict(self), "arguments": dict(self.arguments), "hub_shared_with": list(self.hub_shared_with)}
 
     @property
@@ -79,7 +79,7 @@ def best(found: Iterable[Camera]) -> Camera | None:
 
 
 def _placed(device: Mapping[str, Any], ledger: Mapping[str, object]) -> dict[str, Any]:
-    """The device with what is known of this very specimen."""
+    """The device with what is known of this very unit."""
     real = ledger.get(device["id"])
     return {**device, "instance": {**(device.get("instance") or {}), **(real if isinstance(real, Mapping) else {})}}
 
@@ -92,7 +92,7 @@ def _takes_pictures(tool: Mapping[str, Any]) -> bool:
 def _arguments(tool: Mapping[str, Any], device: str) -> dict[str, Any] | None:
     """The least that the tool must be told to take a picture of this device; None where that is not known.
 
-    A trial's arguments are not taken: they are chosen to be quick, and may ask for a picture of a few pixels.
+    A test's arguments are not taken: they are chosen to be quick, and may ask for a picture of a few pixels.
     """
     least = trial_arguments({key: value for key, value in tool.items() if key != "smoke"})
     if least is None:

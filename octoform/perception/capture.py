@@ -83,7 +83,7 @@ def noisy(picture: Picture) -> bool:
 def frozen(picture: Picture, repeats: int, seconds: float) -> bool | None:
     """Whether the source stands still, when ``repeats`` pictures before this one, over ``seconds``, had its pixels.
 
-    False for a picture with new pixels. None where it cannot be told: too few pictures, too close together, or a
+    False for a picture with new pixels. None where it cannot be determined: too few pictures, too close together, or a
     source without noise, whose scene may just stand still.
     """
     if not repeats:
@@ -206,7 +206,7 @@ class Taken:
 def take(layout: Layout, view: Mapping[str, Any], person: Person | None = None) -> Taken | Diagnostic:
     """Take one picture with the tool of ``view`` (``{"tool", "arguments"}``); the endpoint is started if need be.
 
-    The diagnostic tells why there is none: an ENDPOINT code where the call was not answered, PERCEPTION-TOOL-FAILED
+    The diagnostic shows why there is none: an ENDPOINT code where the call was not answered, PERCEPTION-TOOL-FAILED
     where the tool said why, PERCEPTION-NO-PICTURE and PERCEPTION-BROKEN-PICTURE for its answer,
     PERCEPTION-NOT-DECODED where nothing can look into it.
     """

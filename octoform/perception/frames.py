@@ -1,7 +1,7 @@
 """What is known of the pictures: the last two, why there is none, and a summary that never grows.
 
 Whoever judges a host gets this instead of a film: two pictures at most and a few lines. A look without a picture makes
-the last one old at once: what a camera showed before says nothing of what it would show now. (Heavy: pydantic.)
+the last one old at once: what a camera showed before states nothing about what it would show now. (Heavy: pydantic.)
 """
 
 import base64
@@ -165,7 +165,7 @@ def reason_of(problem: Diagnostic) -> str:
 
 
 def words(record: Record) -> str:
-    """The record in a few lines, at most 3 KB. Of the physical state it says nothing while no picture shows it."""
+    """The record in a few lines, at most 3 KB. Of the physical state it states nothing while no picture shows it."""
     summary = record.summary
     pictures = summary.looks - summary.absences
     counts = f"black {summary.black}, uniform {summary.uniform}, frozen {summary.frozen}"
@@ -267,7 +267,7 @@ _STEMS = ("current.", "previous.", ".")
 
 
 def read(layout: Layout) -> tuple[Record | None, list[Diagnostic]]:
-    """The record of the last looks; (None, []) when nobody has looked yet."""
+    """The record of the last looks; (None, []) when no one has looked yet."""
     path = layout.frames / RECORD
     data, problem = read_regular(path)
     if data is None:

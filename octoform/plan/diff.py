@@ -30,7 +30,7 @@ class Observed:
 
     ``contract`` holds, by stage, why an accepted artifact no longer passes (empty when it does or was not asked);
     ``endpoint`` holds plain sentences about the live side; ``hardware`` explains a moved fingerprint.
-    ``instances_gone``: this machine has lost, or never had, what PROBE knew of its own specimens.
+    ``instances_gone``: this machine has lost, or never had, what PROBE knew of its own units.
     """
 
     fingerprint: str | None
@@ -137,7 +137,7 @@ def _changed(
     wishes: Wishes,
     unknown_inputs: frozenset[str],
 ) -> list[Reason]:
-    """One reason for each key part that differs; inputs that are only known after apply are left out."""
+    """One reason for each key part that differs; inputs that are only known after apply are omitted."""
     now = key_parts(node, outputs, observed.fingerprint)
     reasons = []
     for part in sorted(set(now) | set(known.key_parts)):

@@ -69,7 +69,7 @@ class PlannedAction:
     """What the plan says of one node.
 
     ``certain`` is False for a node whose inputs are known only after apply: it runs only if they come out
-    different. ``calls_agent`` tells whether running it starts an agent, ``calls_model`` whether that agent may
+    different. ``calls_agent`` shows whether running it starts an agent, ``calls_model`` whether that agent may
     call a model; ``escalate`` is asked for what the agent leaves unknown. ``last`` is what the accepted run of this
     node took (seconds, attempts, tokens, cost).
     """
@@ -114,7 +114,7 @@ class StepOutlook:
 class OpenQuestion:
     """A device whose meaning is missing, and the one sentence that would supply it.
 
-    ``tier`` says what such a sentence has to hold: 2 a name, 3 a description of how the device is used.
+    ``tier`` states what such a sentence has to hold: 2 a name, 3 a description of how the device is used.
     """
 
     device: str
@@ -208,7 +208,7 @@ _ABSENT = ("escalate", "loan")
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
-    """All of a plan as JSON values; absent facts are left out of reasons."""
+    """All of a plan as JSON values; absent facts are omitted from reasons."""
     out: dict[str, Any] = {"format": FORMAT, **asdict(plan)}
     out["actions"] = [_action(item) for item in plan.actions]
     out["changes"] = [asdict(item) for item in plan.changes]

@@ -53,7 +53,7 @@ def _run(signs: str, least: int, most: int | None = None) -> _Part:
 class Form:
     """How one kind of secret looks.
 
-    ``anchor`` stands in each of them (lower case when ``fold``), ``reach`` is how far from the beginning at most.
+    ``anchor`` is in each of them (lower case when ``fold``), ``reach`` is how far from the beginning at most.
     ``lead`` is kept, ``secret`` replaced by ``shown``, ``tail`` kept again; ``more`` are the characters that still
     belong to the secret behind it. ``size`` is the most bytes of lead, secret and tail.
     """
@@ -184,7 +184,7 @@ def _as_text(form: Form) -> re.Pattern[str]:
 
 
 def found_in(text: str) -> list[tuple[int, int]]:
-    """Where something in a text shows by its form that it is a secret: (start, end) offsets, in order.
+    """Where something in a string shows by its form that it is a secret: (start, end) offsets, in order.
 
     Of a private key it is the header; `octoform.manifest.credentials.key_blocks` gives the rest.
     """

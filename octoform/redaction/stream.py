@@ -1,6 +1,6 @@
 """Redaction of a stream that comes in pieces of any size; the result does not depend on where it was cut.
 
-At each place it is decided what stands there only when nothing that may still come can change it. What follows the
+At each place it is decided what is there only when nothing that may still come can change it. What follows the
 first few characters of a secret is dropped as it comes and never held.
 """
 
@@ -18,14 +18,14 @@ _IN_KEY = re.compile(rb"[A-Za-z0-9+/=\\ \t\r\n:,-]*")
 
 
 class _Text(NamedTuple):
-    """A text, and the same in lower case."""
+    """A string, and the same in lower case."""
 
     plain: bytes
     low: bytes
 
 
 class _Hit(NamedTuple):
-    """A secret in a text: where what shows it begins, where it begins itself, where it ends."""
+    """A secret in a string: where what shows it begins, where it begins itself, where it ends."""
 
     start: int
     secret: int
@@ -33,7 +33,7 @@ class _Hit(NamedTuple):
 
 
 class _Finder(Protocol):
-    """Finds one kind of secret; ``anchor`` stands in each (in lower case when ``fold``).
+    """Finds one kind of secret; ``anchor`` is in each (in lower case when ``fold``).
 
     ``more`` is the expression of what still belongs to one behind its end. ``kind`` is ``key`` for the first line of
     a private key, ``end`` and ``piece`` for what is looked for behind one.
@@ -225,7 +225,7 @@ class _Piece:
         return self.at < len(self.text)
 
     def _drop_key(self) -> bool:
-        """A key goes to its end line, or to what cannot stand in one (the quote of a JSON string, say).
+        """A key goes to its end line, or to what cannot be in one (the quote of a JSON string, say).
 
         From there pieces of it are looked for a while longer: its lines may be quoted one by one.
         """

@@ -33,8 +33,8 @@ MOST_FILES = 1000
 class FileFacts:
     """What is there of one stage.
 
-    ``exists``: its main output is a regular file. ``digest`` is `file_digest` (None when anything stands in the way),
-    ``is_link`` tells that the folder or something in it is a symbolic link, ``problem`` why it cannot be read.
+    ``exists``: its main output is a regular file. ``digest`` is `file_digest` (None when anything is in the way),
+    ``is_link`` shows that the folder or something in it is a symbolic link, ``problem`` why it cannot be read.
     """
 
     exists: bool

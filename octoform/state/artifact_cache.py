@@ -206,7 +206,7 @@ def _of_bytes(name: str, data: bytes, wanted: bytes) -> Damage:
 
 
 def _is_whole(name: str, data: bytes) -> bool:
-    """True when the bytes are still the kind of file that the name says."""
+    """True when the bytes are still the kind of file that the name states."""
     try:
         text = data.decode()
         if name.endswith(".json"):

@@ -126,7 +126,7 @@ def read_edit(layout: Layout, stage: str) -> PendingEdit | None:
 
 
 def waiting_edits(layout: Layout) -> list[PendingEdit]:
-    """Every waiting edit, in the order of the stages, then of duties, those of privileged steps last."""
+    """Every waiting edit, in the order of the stages, then of background tasks, those of privileged steps last."""
     steps = sorted(path.stem for path in layout.spec_edits.glob(f"{STEP}*.json"))
     return [edit for edit in (read_edit(layout, stage) for stage in (*STAGES, *DUTIES, *steps)) if edit is not None]
 

@@ -214,7 +214,7 @@ def sweep(layout: Layout) -> None:
 def full_disk(layout: Layout) -> Diagnostic | None:
     """STATE-DISK-FULL when the disk that holds the attempts or the state takes no more, else None.
 
-    Tells an agent that failed for want of room from one that did its work badly.
+    distinguishes an agent that failed for want of room from one that did its work badly.
     """
     for folder in (layout.local, layout.committed):
         problem = _probe(folder) if folder.is_dir() else None
@@ -236,7 +236,7 @@ def _probe(folder: Path) -> Diagnostic | None:
 
 
 def _one_per_cause(found: list[Diagnostic]) -> list[Diagnostic]:
-    """A full or read-only file system is said once, not once for each folder on it."""
+    """A full or read-only file system is stated once, not once for each folder on it."""
     seen: dict[tuple[str, str], Diagnostic] = {}
     for item in found:
         seen.setdefault((item.code, item.summary), item)

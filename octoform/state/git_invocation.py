@@ -1,9 +1,10 @@
 """The one way in which octoform calls git: no program that the repository names is ever run.
 
 A repository's configuration may name programs for almost anything (hooks, a file monitor, filters, signing, a pager),
-and whoever can write below `.git` chooses them: an agent, or whoever gave the folder away. So each is switched off, or
-set to what the person's own configuration says. Nothing is fetched either. GitPython runs it, and is imported only when
-git is called: neither a command outside a repository nor a plan without a commit since the last apply pays for it.
+and anyone who can write below `.git` chooses them: an agent, or anyone who gave the folder away. So each is switched
+off, or set to what the person's own configuration states. Nothing is fetched either. GitPython runs it, and is imported
+only when git is called: neither a command outside a repository nor a plan without a commit since the last apply pays
+for it.
 """
 
 import os
@@ -72,7 +73,7 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
 def call(root: str, arguments: list[str], environment: Mapping[str, str] | None = None) -> "CompletedProcess[bytes]":
     """Run ``git ARGUMENTS`` in ``root`` to its end; OSError or RepositoryRefused.
 
-    One that did not end in time is killed, and its complaint says so."""
+    One that did not end in time is killed, and its complaint states that."""
     variables = environment or {}
     return _run([*command(root, variables), *arguments], root, variables)
 

@@ -139,12 +139,12 @@ class Layout:
 
     @property
     def daemon(self) -> Path:
-        """What the daemon remembers: its record, episodes, breakers, readings, claims, health; mode 0700."""
+        """What the daemon remembers: its record, incidents, breakers, readings, claims, health; mode 0700."""
         return self.local / "daemon"
 
     @property
     def daemon_lock(self) -> Path:
-        """The kernel's lock on this file says that a daemon lives; its text names the last one that took it."""
+        """The kernel's lock on this file states that a daemon lives; its text names the last one that took it."""
         return self.daemon / "daemon.lock"
 
     @property

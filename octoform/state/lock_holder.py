@@ -20,7 +20,7 @@ _MACHINE_ID = Path("/etc/machine-id")
 
 
 class Liveness(StrEnum):
-    """What can be said of a holder from here."""
+    """What can be found out about a holder from here."""
 
     ALIVE = "alive"
     DEAD = "dead"
@@ -62,7 +62,7 @@ def liveness(holder: Process, me: Process, proc: Path = PROC) -> Liveness:
     """Whether ``holder`` lives, as far as ``me`` can know.
 
     ELSEWHERE: on another machine. HIDDEN: on this one, but in another pid namespace (a container), or where no boot
-    id is told.
+    id is reported.
     """
     if holder.boot_id != me.boot_id:
         return Liveness.DEAD if _same_machine(holder, me) and holder.boot_id and me.boot_id else Liveness.ELSEWHERE

@@ -18,7 +18,7 @@ RFC3339 = r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)$"
 
 
 class Status(StrEnum):
-    """How a node's last run ended. ``interrupted``: it began and nobody saw it end."""
+    """How a node's last run ended. ``interrupted``: it began and no one saw it end."""
 
     ACCEPTED = "accepted"
     INTERRUPTED = "interrupted"
@@ -44,11 +44,11 @@ class Usage(Persisted):
 class NodeState(Persisted):
     """What is known of one node.
 
-    ``key``, ``key_parts``, ``output_digest`` (canonical: instances and times left out) and ``file_digest`` (the
+    ``key``, ``key_parts``, ``output_digest`` (canonical: instances and times omitted) and ``file_digest`` (the
     committed files as they are) belong to the accepted output and are empty when there never was one; they survive
     a later run that failed or was interrupted. ``seconds`` is wall time of the accepted run, all attempts. ``program``
-    is the agent's program with its version, ``specs`` the digest of all specs, and ``platform`` what PROBE says of the
-    system: by whom, from which specs and for which platform the output was made.
+    is the agent's program with its version, ``specs`` the digest of all specs, and ``platform`` what PROBE reports of
+    the system: by whom, from which specs and for which platform the output was made.
     """
 
     key: str = ""

@@ -1,6 +1,6 @@
-"""What the operating system refuses where nobody foresaw it, said as a problem.
+"""What the operating system refuses where no one foresaw it, said as a problem.
 
-A person who meets a full or closed disk must read which file it was, why, and what to do; a traceback tells nobody.
+A person who meets a full or closed disk must read which file it was, why, and what to do; a traceback tells no one.
 """
 
 import errno
@@ -72,7 +72,7 @@ def _owner(path: Path) -> int | None:
 
 
 def _place(problem: OSError) -> str | None:
-    """The innermost line of octoform's own that met it: without it nobody could tell a bug from a bad disk."""
+    """The innermost line of octoform's own that met it: without it no one could tell a bug from a bad disk."""
     frames = [frame for frame in traceback.extract_tb(problem.__traceback__) if _ours(frame.filename)]
     if not frames:
         return None

@@ -19,7 +19,7 @@ from octoform.state.model import NodeState, Status
 from octoform.state.store.snapshot import read_snapshot
 
 STAGES = ("identify", "interface", "serve", "deploy")
-"""PROBE is left out: it tells the instances of its own host, which no other host can."""
+"""PROBE is omitted: it tells the instances of its own host, which no other host can."""
 MOST_FOLDERS = 20_000
 MOST_HOSTS = 1_000
 DEEPEST = 6
@@ -89,7 +89,7 @@ def _hosts(folders: Iterable[Path]) -> Iterator[Layout]:
 
 
 def _within(folder: Path) -> list[str]:
-    """The names of the folders in it, links left out; none where it is not there or nobody may look."""
+    """The names of the folders in it, links omitted; none where it is not there or no one may look."""
     try:
         with os.scandir(folder) as entries:
             return sorted(entry.name for entry in entries if entry.is_dir(follow_symlinks=False))

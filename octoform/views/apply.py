@@ -1,6 +1,6 @@
 """Apply and destroy for a person: what is done while it is done, and how it ended.
 
-On a terminal the node at work is one moving line (stage, attempt, elapsed time, what the agent says); elsewhere the
+On a terminal the node at work is one moving line (stage, attempt, elapsed time, what the agent reports); elsewhere the
 same facts come as plain lines, with a sign of life every ten seconds. The end is a funnel, the endpoint and the next
 command. (Heavy only on a terminal: the moving line is drawn by rich.)
 """
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 PULSE_SECONDS = 9.0
 INDENT = 24
-"""Columns before the text of a line that tells what an agent does, the widest of them."""
+"""Columns before the text of a line that shows what an agent does, the widest of them."""
 STAYS = "APPLY-OUTSIDE-WRITE"
 """Tells, as a warning, what an attempt has left standing, also one whose output is not used."""
 MAX_PATHS = 5
@@ -278,7 +278,7 @@ def _is_made(node: str | None) -> bool:
 
 
 def closing(result: RunResult) -> str:
-    """The one line that says how it ended."""
+    """The one line that states how it ended."""
     operation = result.operation.capitalize()
     if result.failed == "approval":
         return f"{operation} cancelled: nothing was done."
@@ -333,7 +333,7 @@ class RunJson:
         PlanJson(self._stream).show(plan)
 
     def approve(self) -> bool:
-        """Nobody can be asked in a stream."""
+        """No one can be asked in a stream."""
         return False
 
     @contextmanager

@@ -25,7 +25,7 @@ _MEANS = {
 
 
 def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> int:
-    """Every annotated device; exit code 0, also when some are absent."""
+    """Every identified device; exit code 0, also when some are absent."""
     if as_json:
         console.raw(escaped_json(json.dumps(_document(found, verbose), ensure_ascii=False, indent=2)))
         return 0

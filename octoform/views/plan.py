@@ -46,7 +46,7 @@ def show(plan: Plan, console: Console) -> None:
 
 
 def _offer(near: Sequence[NearProfile], console: Console) -> None:
-    """A profile that lacks a word alone, the devices, and how it is said."""
+    """A profile that lacks a word alone, the devices, and how it is stated."""
     first, devices = near[0], ", ".join(item.device for item in near)
     mark = console.paint("  ?", "cyan")
     console.line(f"{mark} {first.profile} will match {one_line(devices, WIDTH)} after this answer:")

@@ -1,6 +1,6 @@
 """Reasons and symbols as words: one place that turns the plan's records into what a person reads.
 
-Privileged steps as words: they move hardware, so a plan says what, and why one would be skipped.
+Privileged steps as words: they move hardware, so a plan states what, and why one would be skipped.
 """
 
 import re
@@ -59,7 +59,7 @@ def _counted(name: str, counts: dict[Action, str]) -> Line:
 
 
 def describe(announced: str) -> str:
-    """A device in words: bus and numbers where they are known, else the bus and what it says."""
+    """A device in words: bus and numbers where they are known, else the bus and what it states."""
     for word, pattern in _NUMBERED:
         found = pattern.match(announced)
         if found:
@@ -286,7 +286,7 @@ def summary(plan: Plan) -> str:
 
 
 def moving(plan: Plan) -> str:
-    """Which steps of the plan move hardware, as a warning to who stands near it; empty where nothing moves."""
+    """Which steps of the plan move hardware, as a warning to who is near it; empty where nothing moves."""
     known = [(item, outlook_of(plan, item)) for item in plan.work]
     found = [(item, step) for item, step in known if step is not None and step.kind != "frame" and not step.skipped]
     if not found:
@@ -336,7 +336,7 @@ def nothing(plan: Plan) -> str:
 def adoptable(plan: Plan) -> tuple[str, ...]:
     """The nodes whose artifacts a person may want to keep instead of running their agents again.
 
-    That is so where nothing but a text that the agent reads, or the artifact itself, was edited.
+    That is so where nothing but a string that the agent reads, or the artifact itself, was edited.
     """
     return tuple(
         item.node
@@ -357,5 +357,5 @@ def counted(number: int, what: str) -> str:
 
 
 def recorded(folder: str) -> str:
-    """What holds of a recorded host, whatever else is said of it."""
+    """What holds of a recorded host, whatever else is stated of it."""
     return f"The host is the recorded or simulated one in {folder} (OCTOFORM_SYSROOT), not this machine."

@@ -1,4 +1,4 @@
-"""Profiles for a person and for a program: what one says, where its rule holds, and why it does not elsewhere."""
+"""Profiles for a person and for a program: what one states, where its rule holds, and why it does not elsewhere."""
 
 from collections.abc import Iterator
 from dataclasses import asdict
@@ -82,7 +82,7 @@ def _does(command: Command) -> str:
 
 
 def _bus(grammar: Grammar) -> Iterator[str]:
-    """The units that a grammar of registers speaks to, as they are on the rig, and through what."""
+    """The units that a protocol definition of registers speaks to, as they are on the rig, and through what."""
     if not isinstance(grammar, RegisterGrammar):
         return
     registers = grammar.registers

@@ -21,7 +21,7 @@ from octoform.views.format.values import escape, one_line, used
 WIDTH = 160
 MAX_SOURCES = 48
 TOLD = frozenset({"reused", "escalated", "spec_edit"})
-"""What of a node's detail is told here."""
+"""What of a node's detail is reported here."""
 
 
 def told(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
@@ -141,7 +141,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
 
 
 def _rows(value: object) -> list[str]:
-    """What a detail says: a list has a line for each of its items, and a mapping in it is told without brackets."""
+    """What a detail states: a list has a line for each of its items, and a mapping in it is told without brackets."""
     if not isinstance(value, list):
         return [str(value)]
     return [_row(item) for item in value] or ["none"]

@@ -1,7 +1,7 @@
 """Rewrites of what moves a device, kept until a person has read them: one file for each, on this machine alone.
 
 Limits are held against what a caller says. Code between the caller and the device can make more of it (``steps * 10``),
-and no trial by reading shows that: it would have to move. So a person decides whether such a rewrite is served.
+and no test by reading shows that: it would have to move. So a person decides whether such a rewrite is served.
 """
 
 import difflib
@@ -91,7 +91,7 @@ def waiting(layout: Layout) -> list[Rewrite]:
 
 
 def _whole(path: Path) -> Rewrite | None:
-    """The rewrite of a file; None where it is not whole, or not what its id says."""
+    """The rewrite of a file; None where it is not whole, or not what its id states."""
     data, _ = read_regular(path)
     try:
         told = record(parse(data or b"{}"), 1)

@@ -1,6 +1,6 @@
 """A rewritten server: served for its proof, then put into the place of the accepted one, or taken back.
 
-While it is only being tried it stands outside of the accepted artifacts, and the endpoint is published from there. So
+While it is only being tried it is outside of the accepted artifacts, and the endpoint is published from there. So
 a run that is killed meanwhile leaves the artifacts as they were, and an endpoint that the next plan finds to differ
 and the next apply puts back. Once it is proved, one file tells of it before anything of the artifacts changes: a run
 that is killed from then on is finished by the next one.
@@ -97,7 +97,7 @@ def put_back(context: Context, *, smoke: bool = True) -> list[Diagnostic]:
 def adopt(context: Context, node: str, source: str, *, smoke: bool = True) -> list[Diagnostic]:
     """Make a proved server the accepted one, with all that rests on it; ``node`` is who rewrote it.
 
-    An error tells what the disk refused; what is not done then is finished by the next apply (`resume`).
+    An error shows what the disk refused; what is not done then is finished by the next apply (`resume`).
     """
     layout, store = context.layout, context.store
     base = store.snapshot.nodes[MAKER].output_digest
@@ -120,9 +120,9 @@ def adopt(context: Context, node: str, source: str, *, smoke: bool = True) -> li
 
 
 def resume(layout: Layout, store: StateStore, graph: Graph) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """Finish an adoption that a killed run has left: what a person is told of it, and why it could not be finished.
+    """Finish an adoption that a killed run has left: what a person is notified of it, and why it could not be finished.
 
-    The caller holds the lock. Nothing is started: the endpoint is made to be published anew by the plan that follows.
+    The caller holds the lock. Nothing is started: the endpoint is made to be published again by the plan that follows.
     """
     adoption = _read(layout)
     if adoption is None:

@@ -1,6 +1,6 @@
 """A server that HEAL rewrote, held against the accepted one: only the functions that it names, and none of them weaker.
 
-The rules are those of SERVE and of a rewrite within one device, and stricter ones: a repair mends a function. It brings
+The rules are those of SERVE and of a rewrite within one device, and stricter ones: a repair fixes a function. It brings
 in nothing, opens nothing, promises nothing else, and takes nothing away.
 """
 

@@ -34,7 +34,7 @@ BYTES_QUOTED = 400
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the gate says: the value and the files to accept, or the reasons to refuse.
+    """What the gate states: the value and the files to accept, or the reasons to refuse.
 
     ``files`` are the committed files by name below the stage's folder; ``found`` is one line for a person; ``detail``
     goes into the state. ``rewritten`` is the server that a step has put into the place of the accepted one.
@@ -225,7 +225,7 @@ def _registered(probe: Mapping[str, Any], context: Context) -> dict[str, str]:
 
 
 def digest_of(context: Context, stage: str, value: object) -> str:
-    """The canonical digest of an output: instances and times left out."""
+    """The canonical digest of an output: instances and times omitted."""
     return output_digest(stage, value, context.schemas)
 
 

@@ -45,7 +45,7 @@ def settle(
 
 
 def text_of(value: object) -> bytes:
-    """Artifacts as they stand in git: indented, key order kept, one final line feed."""
+    """Artifacts as they are in git: indented, key order kept, one final line feed."""
     return (json.dumps(value, indent=2, ensure_ascii=False) + "\n").encode()
 
 
@@ -61,7 +61,7 @@ def remember(context: Context, stage: str, value: Any) -> list[Diagnostic]:
 
 
 def _with_kept_ids(context: Context, value: Any) -> Any:
-    """PROBE's value with every specimen under the id that it has on this machine; what cannot be told is said."""
+    """PROBE's value with every unit under the id that it has on this machine; what cannot be determined is stated."""
     value = judged(value)
     ledger, _ = read_instances(context.layout)
     data, _ = read_regular(context.layout.output("probe"))
@@ -118,7 +118,7 @@ def _serve(_: Context, value: Any) -> dict[str, bytes]:
 
 
 def runtime_files() -> dict[str, bytes]:
-    """The standard-library modules that stand beside every generated server, by relative name."""
+    """The standard-library modules that are beside every generated server, by relative name."""
     return {path.relative_to(RUNTIME.parent).as_posix(): read(path) for path in sorted(RUNTIME.rglob("*.py"))}
 
 

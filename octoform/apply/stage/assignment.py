@@ -138,7 +138,7 @@ def _task(context: Context, folder: Path) -> Task:
 
 
 def _unheard(_event: AgentEvent, _elapsed: float, _used: Usage) -> None:
-    """It tells of nothing that a person waits for."""
+    """It shows nothing that a person waits for."""
 
 
 def _reason(task: Task, outcome: Outcome) -> str:
@@ -154,7 +154,7 @@ def _not_held(reason: str) -> Diagnostic:
 
 
 UNMEASURED = (*MODEL_FREE, "command")
-"""Harnesses whose output tells nothing while they run: a command reports what it has used when it has ended."""
+"""Harnesses whose output shows nothing while they run: a command reports what it has used when it has ended."""
 
 Judge = Callable[[Context, Task, bytes], tuple[Any, list[Diagnostic]]]
 """(context, task, bytes of the output) -> (value, diagnostics); the value is None when it cannot be read."""
@@ -189,7 +189,7 @@ class Assignment:
         return None if self.model is None else resolve(self.model, context.environ)
 
     def price(self, context: Context) -> Price | None:
-        """What its model costs; None when it uses none or nobody knows."""
+        """What its model costs; None when it uses none or no one knows."""
         name = self.model_name(context)
         if name is None or self.harness.name in MODEL_FREE:
             return None

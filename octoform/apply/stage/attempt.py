@@ -53,7 +53,7 @@ from octoform.state.layout import OUTPUT_NAMES
 
 PROGRAM, REQUEST, SAID = "check", "check.asked", "check.said"
 MOST = 30
-"""How often an attempt may ask: enough to mend one thing after the other, and no way to try every value."""
+"""How often an attempt may ask: enough to fix one thing after the other, and no way to try every value."""
 PAUSE_SECONDS = 0.1
 _WAIT_TENTHS = 600
 _KEY = re.compile(rb"[0-9a-zA-Z.-]{1,80}")
@@ -124,10 +124,10 @@ ASKED = "identify"
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """What a failed attempt hands to the next one: why it was refused, its log, the spec as it stands in this run.
+    """What a failed attempt hands to the next one: why it was refused, its log, the spec as it is in this run.
 
     ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage
-    found at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` says what is not.
+    found at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` states what is not.
     ``standing`` is what the later stage found: it stands until that has tried another one, however many are refused.
     """
 

@@ -89,7 +89,7 @@ def _line(event: AgentEvent) -> str:
 
 DELAY_SECONDS = 0.5
 IDLE_SECONDS = 120.0
-"""For agents whose output tells what they do; others may work for minutes and print nothing."""
+"""For agents whose output shows what they do; others may work for minutes and print nothing."""
 FARAWAY_SECONDS = 5.0
 HOPELESS = frozenset({ExitReason.NOT_INSTALLED, ExitReason.AUTH, ExitReason.REFUSED, ExitReason.BUDGET})
 """Ends after which another attempt can only end the same way."""

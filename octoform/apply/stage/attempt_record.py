@@ -114,7 +114,7 @@ def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdic
 
 
 def _digests(task: Task, given: Mapping[str, str]) -> dict[str, str]:
-    """What this attempt was given, as it was then, and what it wrote; files that are not there are left out."""
+    """What this attempt was given, as it was then, and what it wrote; files that are not there are omitted."""
     written = {path.name: of_large_file(path) for path in (task.log, task.transcript, task.output)}
     return dict(sorted({**{name: value for name, value in written.items() if value is not None}, **given}.items()))
 

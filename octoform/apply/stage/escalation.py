@@ -3,7 +3,7 @@
 So does what a person's answer alone has named and with which it can do nothing: another agent may know the product.
 
 The second agent reads a PROBE artifact that lists those devices only, so it can neither spend on nor change what was
-already certain. What it says is held to the same contract twice: on its own against what it was given, and merged
+already certain. What it states is held to the same contract twice: on its own against what it was given, and merged
 with the first answer against the whole host.
 """
 
@@ -24,7 +24,7 @@ UNKNOWN = "unknown"
 
 
 def of_unknown(context: Context, stage: str, verdict: Verdict) -> Assignment | None:
-    """The assignment for what an accepted first answer left unknown; None when nothing is, or nobody is to be asked."""
+    """The assignment for what an accepted first answer left unknown; None when nothing is, or no one is to be asked."""
     settings = context.manifest.stages[stage].escalate
     left = undecided(verdict.value) if settings is not None else []
     if settings is None or not left:

@@ -24,13 +24,13 @@ from octoform.state.files import read_regular
 from octoform.state.reusable import Donor
 
 MOST_REFUSED = 5
-"""A trial of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""
+"""A test of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""
 
 
 def take(context: Context, stage: str, key: str) -> Finished | None:
     """The stage done with another host's output; None when there is none that is accepted here.
 
-    The first that holds is taken. Each that does not is told, but for copies of one that was told already.
+    The first that holds is taken. Each that does not is reported, but for copies of one that was told already.
     """
     started = context.clock.monotonic()
     judged: set[bytes] = set()

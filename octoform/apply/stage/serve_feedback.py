@@ -1,10 +1,10 @@
 """What the next attempt at a stage knows of those before it, and what a later stage sends back to an earlier one.
 
 An attempt begins with the last output that could be read, however the attempt that wrote it ended, and with all that is
-wrong with it. What the trial at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
-generated code show only when its tools are called. No set of packages mends them, so DEPLOY is not tried
+wrong with it. What the test at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
+generated code show only when its tools are called. No set of packages fixes them, so DEPLOY is not tried
 again; the agent of SERVE gets the findings and the server that it was accepted with, and then DEPLOY runs once more.
-In the same way INTERFACE's agent can say what only IDENTIFY can mend, and SERVE's what only INTERFACE can, each once in
+In the same way INTERFACE's agent can say what only IDENTIFY can fix, and SERVE's what only INTERFACE can, each once in
 a run. Only what was made in this very
 run is sent back: a run never remakes what its plan did not list, and both stages stay within the budgets of one run.
 """
@@ -30,12 +30,12 @@ SHOWN = frozenset(
 )
 """Faults of the server itself, seen when it was started and called."""
 TOLD = frozenset({"DEPLOY-STATUS-ERROR"})
-"""DEPLOY's agent says that no set of packages works; it may be wrong, so it is asked again first."""
+"""DEPLOY's agent reports that no set of packages works; it may be wrong, so it is asked again first."""
 
 BLAMED = frozenset({"INTERFACE-IDENTIFY-WRONG"})
-"""INTERFACE's agent says what only IDENTIFY can mend."""
+"""INTERFACE's agent reports what only IDENTIFY can fix."""
 UNSERVABLE = frozenset({"SERVE-INTERFACE-WRONG"})
-"""SERVE's agent says what only INTERFACE can mend."""
+"""SERVE's agent reports what only INTERFACE can fix."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,9 +66,9 @@ CLEAN = "Nothing is wrong with it, as far as that shows without running it; the 
 def remembered(
     context: Context, assignment: Assignment, task: Task, ended: tuple[Outcome, Verdict], failed: Failed
 ) -> Failed:
-    """What a refused attempt leaves to the next one; ``failed`` says what it had itself been given, if anything.
+    """What a refused attempt leaves to the next one; ``failed`` states what it had itself been given, if anything.
 
-    An output that nobody has judged, since its agent did not end well, is judged here: it is not accepted.
+    An output that no one has judged, since its agent did not end well, is judged here: it is not accepted.
     """
     outcome, verdict = ended
     try:
@@ -87,7 +87,7 @@ def remembered(
 
 
 def _right(value: Any, found: Iterable[Diagnostic]) -> str:
-    """Of each list of an output, how many members no finding is about; empty where that tells nothing."""
+    """Of each list of an output, how many members no finding is about; empty where that shows nothing."""
     places = [(item.pointer or "").split("/")[1:3] for item in found]
     if not isinstance(value, dict) or any(len(place) < 2 for place in places):
         return ""
@@ -107,7 +107,7 @@ def is_earlier_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
 
 
 def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:
-    """What the earlier stage is told, when it is the one that has to mend why the run failed; else None."""
+    """What the earlier stage is given, when it is the one that has to fix why the run failed; else None."""
     way = RETURNS.get(failed or "")
     blamed = tuple(item for item in found if way is not None and item.code in way.codes and has_errors([item]))
     if way is None or not blamed:

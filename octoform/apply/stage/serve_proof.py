@@ -89,7 +89,7 @@ def writing(context: Context) -> frozenset[str]:
 
 
 def without_library(context: Context, deploy: Mapping[str, Any]) -> dict[str, str]:
-    """The tools that need a package which failed to install, each with its name; they are left out of the endpoint."""
+    """The tools that need a package which failed to install, each with its name; they are omitted from the endpoint."""
     failed = {item["name"] for item in deploy.get("deps_failed", ())}
     modules = {
         item["module"].partition(".")[0]: item["provided_by"]
@@ -104,7 +104,7 @@ def without_library(context: Context, deploy: Mapping[str, Any]) -> dict[str, st
 
 
 def _programs_missing(context: Context, deploy: Mapping[str, Any]) -> list[Diagnostic]:
-    """A line for each program of the system that is not here, with the tools that are left out."""
+    """A line for each program of the system that is not here, with the tools that are omitted."""
     packages = {item["name"]: item.get("package") for item in deploy.get("programs", ())}
     out = []
     for program, tools in missing_programs(context.layout, context.environ).items():
@@ -166,7 +166,7 @@ def prove_serve(context: Context, task: Task, source: str) -> Proof:
 def _declared(context: Context, source: str) -> tuple[Environment | None, list[Diagnostic]]:
     """An environment of what the server declares; without what cannot be had, where only functions import it.
 
-    Such a package is told, DEPLOY reports it as failed, and the tools that need it are left out of the endpoint.
+    Such a package is reported, DEPLOY reports it as failed, and the tools that need it are omitted from the endpoint.
     """
     wanted = declared_requirements(source)
     environment, found = _made(context, wanted)
@@ -254,7 +254,7 @@ def publish(
 ) -> CheckReport | None:
     """Write descriptor, snippets and launcher, start the endpoint, call every read tool; problems join ``found``.
 
-    ``judge`` says what of the check is wrong (`judge_check` where none is given): an error takes the endpoint out of
+    ``judge`` states what of the check is wrong (`judge_check` where none is given): an error takes the endpoint out of
     service. ``deploy`` is the DEPLOY artifact that is being proved. Without ``smoke`` no tool is called, and the
     endpoint only has to answer with its tools.
     """
@@ -294,7 +294,7 @@ def _just_seen(context: Context) -> frozenset[str]:
 
 
 def calls_said(report: CheckReport) -> str:
-    """How the trial calls went, for a person; a tool answered when it did for each of its devices."""
+    """How the test calls went, for a person; a tool answered when it did for each of its devices."""
     tried = {call.tool for call in report.calls if call.skipped is None}
     failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}
     return f"{len(tried - failed)} of {len(tried)} read tools answered"
@@ -320,7 +320,7 @@ def _environment(context: Context, lock: str | None) -> tuple[Environment | None
 
 
 def _time(context: Context, most: float) -> float:
-    """Seconds that a part of a trial may take: what is left of its stage's time, and at most so many."""
+    """Seconds that a part of a test may take: what is left of its stage's time, and at most so many."""
     return context.purse.time(context.clock.monotonic(), most)
 
 

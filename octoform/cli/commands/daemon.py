@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class Shown(Protocol):
-    """A view of the rounds."""
+    """A view of the check cycles."""
 
     def __call__(self, made: Round, /) -> None:
         """Show one."""
@@ -35,7 +35,7 @@ class Shown(Protocol):
 
 
 def watched(project: Path, screen: Console, view: Shown, *, once: bool, as_json: bool) -> tuple[int, Status | None]:
-    """The exit code, and the health that the last round left.
+    """The exit code, and the health that the last check cycle left.
 
     None where it came to no end of its own: it was refused, which is shown (1), or ended by a signal (128 + number).
     """
@@ -79,7 +79,7 @@ def run_status(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_health(arguments: Namespace, project: Path, screen: Console) -> int:
-    """0 healthy, 3 degraded, 4 error, 5 down, 6 unknown; 1 where it cannot be told at all."""
+    """0 healthy, 3 degraded, 4 error, 5 down, 6 unknown; 1 where it cannot be determined at all."""
     from octoform.daemon.status import survey
     from octoform.views.daemon.health import health
 
@@ -90,7 +90,7 @@ def run_health(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_heal(arguments: Namespace, project: Path, screen: Console) -> int:
-    """0 when a daemon was asked; of a round that was made here the exit codes of ``health``."""
+    """0 when a daemon was asked; of a check cycle that was made here the exit codes of ``health``."""
     from octoform.daemon.requests import daemon_of, given_up, retry
     from octoform.engine.tools import layout_of
     from octoform.views.daemon import requests

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def run_start(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Exit code 0 when the endpoint runs, whoever started it."""
+    """Exit code 0 when the endpoint runs, no matter who started it."""
     from octoform.engine.endpoint_process import start
     from octoform.views.endpoint import process
 

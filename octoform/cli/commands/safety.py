@@ -70,7 +70,7 @@ def run_revoke(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_estop(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Exit code 0 only when it is latched and every stop action was done; with -clear, when it is open."""
+    """Exit code 0 only when it is engaged and every stop action was done; with -clear, when it is open."""
     from octoform.engine.safety import clear, stop
     from octoform.views.endpoint import safety
 

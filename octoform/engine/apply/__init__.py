@@ -1,1 +1,1 @@
-"""Apply: under the lock, with the person's word, and with what is told at the end."""
+"""Apply: under the lock, with the person's word, and with what is reported at the end."""

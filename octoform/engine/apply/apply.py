@@ -163,7 +163,7 @@ def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> Run
 
 
 def outside(layout: Layout, result: RunResult) -> RunResult:
-    """The result with the address of the tunnel, or a warning that nobody gets in there; waits until one is known."""
+    """The result with the address of the tunnel, or a warning that no one gets in there; waits until one is known."""
     told = result.endpoint
     tunnel = tunnel_opened(layout) if told is not None else None
     if told is None or tunnel is None:
@@ -177,7 +177,7 @@ def outside(layout: Layout, result: RunResult) -> RunResult:
 def _silent(layout: Layout, result: RunResult, recorded: bool) -> str:
     """That more than half of the read tools did not answer in this run's check; empty where they did.
 
-    On a recorded host, whose devices cannot be opened, it says nothing of the deployment that some did not.
+    On a recorded host, whose devices cannot be opened, it states nothing about the deployment that some did not.
     """
     if any(item.code == NOTHING_ANSWERS for item in result.diagnostics):
         return "no read tool answered"
@@ -227,7 +227,7 @@ class Options:
 
 
 def apply(request: Request, options: Options, view: RunView) -> RunResult:
-    """Run the apply; the result tells how it ended, and the view has shown it."""
+    """Run the apply; the result shows how it ended, and the view has shown it."""
     result = _locked(request, options, view)
     if result.failed is None:
         result = _rounded(request, result)
@@ -389,7 +389,7 @@ class _Run:
         return [] if self.request.destroy else device_knowledge.uncovered(artifacts, self.outlook.compiled)
 
     def _keep(self) -> list[Diagnostic]:
-        """Copies of what was accepted; a run without room for them has done its work all the same, and says so."""
+        """Copies of what was accepted; a run without room for them has done its work all the same, and states that."""
         if self.request.destroy:
             return []
         accepted = {name: node.file_digest for name, node in self.store.snapshot.nodes.items()}

@@ -6,7 +6,7 @@ that was stopped because the new server did not pass. So all nodes, files and in
 step of the state's history, and the former endpoint is served again.
 
 What it had is on the disk before anything changes (`keep`), so that a run which is killed at any point is taken back
-by whoever opens the host next (`settle`): another run, a person's apply, the daemon as it starts.
+by anyone who opens the host next (`settle`): another run, a person's apply, the daemon as it starts.
 """
 
 import base64
@@ -99,7 +99,7 @@ def taken_back(former: Callable[[], Former | None]) -> Iterator[None]:
 
 
 def settle(layout: Layout) -> tuple[tuple[str, ...], list[Diagnostic]]:
-    """Take back what a killed unattended run has left: what a person is told of it, and why that was not possible.
+    """Take back what a killed unattended run has left: what a person is notified of it, and why that was not possible.
 
     The caller holds the state's lock, so that run is not at work any more.
     """
@@ -121,7 +121,7 @@ def settle(layout: Layout) -> tuple[tuple[str, ...], list[Diagnostic]]:
 
 
 def go_back(former: Former) -> list[Diagnostic]:
-    """Make the host what it was; an error tells what could not be put back, and the next apply mends that."""
+    """Make the host what it was; an error shows what could not be put back, and the next apply fixes that."""
     layout = former.layout
     acquired = acquire(layout, "rediscover", Waiting(timeout=LOCK_SECONDS))
     if acquired.lock is None:

@@ -47,9 +47,9 @@ class Locked:
 
 @dataclass(frozen=True, slots=True)
 class Opened:
-    """Its state, with nothing left half done; ``finished`` says what a killed run had begun and was carried through.
+    """Its state, with nothing left half done; ``finished`` states what a killed run had begun and was carried through.
 
-    ``undone`` says what a killed run that nobody watched had begun and was taken back.
+    ``undone`` states what a killed run that no one watched had begun and was taken back.
     """
 
     store: StateStore
@@ -148,7 +148,7 @@ def _trailers(snapshot: Snapshot) -> dict[str, str]:
 
 
 def _usage(snapshot: Snapshot) -> str:
-    """Tokens and money of the accepted runs, as far as the agents told; what nobody told is unknown, not zero."""
+    """Tokens and money of the accepted runs, as far as the agents told; what no one told is unknown, not zero."""
     usages = [state.usage for state in snapshot.nodes.values()]
     counts = [count for usage in usages for count in (usage.input_tokens, usage.output_tokens) if count is not None]
     costs = [usage.cost_usd for usage in usages if usage.cost_usd is not None]

@@ -1,7 +1,7 @@
-"""The annotated devices of a host, where each is attached now, and what was left out. (Heavy.)
+"""The identified devices of a host, where each is attached now, and what was omitted. (Heavy.)
 
-State and ledger say what was found; the generated server's own way to find a device says where it is now, in a process
-of its own, since nothing here has access to hardware.
+State and ledger say what was found; the generated server's own way to find a device reports where it is now, in a
+process of its own, since nothing here has access to hardware.
 """
 
 import json
@@ -44,7 +44,7 @@ class Attached:
 
 @dataclass(frozen=True, slots=True)
 class Row:
-    """One annotated device. ``now`` is None when that could not be found out.
+    """One identified device. ``now`` is None when that could not be found out.
 
     ``serial`` is real and of this machine; ``pseudonym`` stands for it in what is committed. ``evidence`` are quotes.
     """
@@ -59,12 +59,12 @@ class Row:
     evidence: tuple[str, ...]
     missing: str
     needs_profile: bool = False
-    """Only a raw line leads to it, no profile holds for it and no answer says what it is."""
+    """Only a raw line leads to it, no profile holds for it and no answer states what it is."""
 
 
 @dataclass(frozen=True, slots=True)
 class LeftOut:
-    """A device that PROBE listed and IDENTIFY left out."""
+    """A device that PROBE listed and IDENTIFY omitted."""
 
     id: str
     reason: str
@@ -73,7 +73,7 @@ class LeftOut:
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """All devices of one host; ``ledger`` is false when this machine does not know its specimens.
+    """All devices of one host; ``ledger`` is false when this machine does not know its units.
 
     ``offers`` are profiles that come with octoform and match a device, which the manifest does not name.
     """

@@ -23,7 +23,7 @@ UNCOVERED = "PROFILE-COMMANDS-MISSING"
 
 @dataclass(frozen=True, slots=True)
 class Offer:
-    """A profile that comes with octoform and matches ``devices``; ``line`` says what the manifest needs to use it."""
+    """A profile that comes with octoform and matches ``devices``; ``line`` states what the manifest needs to use it."""
 
     profile: str
     product: str
@@ -37,7 +37,7 @@ class Offer:
 
 
 def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQuestion, ...]:
-    """One for each device whose meaning is missing and that nobody has spoken of."""
+    """One for each device whose meaning is missing and that no one has spoken of."""
     return tuple(
         OpenQuestion(device["id"], device["identified_as"], device["missing"], asked)
         for device in _annotated(artifacts)

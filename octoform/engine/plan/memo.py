@@ -118,7 +118,7 @@ def variables(chosen: Iterable[str], environ: Mapping[str, str]) -> dict[str, st
 
 
 def digests(project: Path, files: Iterable[str]) -> dict[str, str | None]:
-    """Digest of each file, None where it cannot be read; a link is told apart from a file of the same bytes."""
+    """Digest of each file, None where it cannot be read; a link is distinguished from a file of the same bytes."""
     return {name: _digest(project / name) for name in files}
 
 
@@ -131,7 +131,7 @@ def _digest(path: Path) -> str | None:
 
 
 def names(project: Path, folders: Iterable[str]) -> dict[str, list[str]]:
-    """Every name below each folder, so that a new file, folder or link is noticed; caches of Python are left out."""
+    """Every name below each folder, so that a new file, folder or link is noticed; caches of Python are omitted."""
     return {folder: sorted(_below(f"{project}/{folder}", folder)) for folder in folders}
 
 
@@ -152,7 +152,7 @@ def _below(path: str, name: str) -> Iterator[str]:
 
 
 def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Which of the project's own sources git calls changed; None when git cannot say, and the long way tells why."""
+    """Which of the project's own sources git calls changed; None when git cannot say, and the long way shows why."""
     from octoform.state.git_invocation import RepositoryRefused, call  # only after a commit since the last apply
 
     inside = [name for name in memo["sources"] if (project / name).is_relative_to(project)]

@@ -225,7 +225,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
 
 
 def _under_way(layout: Layout) -> list[Diagnostic]:
-    """A plan takes no lock; it says when somebody is changing what it looks at."""
+    """A plan takes no lock; it states when somebody is changing what it looks at."""
     holder = read_holder(layout)
     if not isinstance(holder, Holder) or liveness(holder.process, myself()) is Liveness.DEAD:
         return []

@@ -1,6 +1,7 @@
 """Models without a known price under a limit in dollars, found before anything is started; and prices that grew old.
 
-A limit that cannot be measured is no limit. Whoever validates or plans must hear of it, and not only the first attempt.
+A limit that cannot be measured is no limit. Anyone who validates or plans must hear of it, and not only the first
+attempt.
 """
 
 from collections.abc import Iterator, Mapping

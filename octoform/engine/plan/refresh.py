@@ -107,7 +107,7 @@ def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str,
     """The artifacts that can be read as values; one that cannot is told by its digest or its absence.
 
     ``digests`` are those of the files as they lie there. What is not as it was accepted must have its stage's shape
-    to be read at all: whoever uses the values relies on it.
+    to be read at all: anyone who uses the values relies on it.
     """
     found = {}
     for stage in (*STAGES, *compiled.steps):
@@ -136,7 +136,7 @@ def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, 
 
 
 def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
-    """The contract's word on an artifact that is there; an artifact that cannot be read says nothing here."""
+    """The contract's word on an artifact that is there; an artifact that cannot be read states nothing here."""
     if stage not in artifacts:
         return []
     needed = STAGES[: STAGES.index(stage)] if stage in STAGES else STAGES

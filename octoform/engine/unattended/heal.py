@@ -1,7 +1,7 @@
 """HEAL on a host: a repair that was tried takes its place, and is taken back where it made things worse. (Heavy.)
 
 A rewrite is tried and adopted while the agent's work is judged. Any other action is octoform's own, and is carried out
-once the agent has ended: the same repairs that triage has, and the packages decided anew.
+once the agent has ended: the same repairs that triage has, and the packages decided again.
 """
 
 from collections.abc import Callable, Mapping
@@ -54,7 +54,7 @@ def heal(
 def roll_back(
     project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
 ) -> dict[str, Any]:
-    """Put the server back that an episode's repair has replaced; ``brief`` is ``{episode, reason}``."""
+    """Put the server back that an incident's repair has replaced; ``brief`` is ``{episode, reason}``."""
     return on_duty(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports).told()
 
 

@@ -1,11 +1,11 @@
-"""Re-discovery: kinds of hardware came or went, so PROBE and what depends on it run again, with nobody there. (Heavy.)
+"""Re-discovery: kinds of hardware came or went, so PROBE and what depends on it run again, with no one there. (Heavy.)
 
 Unattended, so it does less than a person's apply and leaves no doubt behind:
 
 * It carries out only what the hardware asks for. Whatever else the plan holds (an edit of the manifest, a spec, a
-  profile or an artifact that nobody has applied yet) is a person's, and then nothing is done but to ask.
+  profile or an artifact that no one has applied yet) is a person's, and then nothing is done but to ask.
 * A privileged step that has tried a device moves it again when the server is another one. That a step is listed
-  allows its first proof, also with nobody there: of a device that came. It does not allow a movement because a camera
+  allows its first proof, also with no one there: of a device that came. It does not allow a movement because a camera
   came, nor another try of one that failed. So it asks.
 * It is begun only where the hour's agent runs and dollars are enough for all of it
   (`octoform.engine.unattended.rediscover`).
@@ -44,7 +44,7 @@ from octoform.state.layout import Layout
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What agents may still cost in this hour: runs as a count, US dollars; None: nobody counts."""
+    """What agents may still cost in this hour: runs as a count, US dollars; None: no one counts."""
 
     calls: int | None = None
     usd: float | None = None
@@ -99,7 +99,7 @@ LOCK_SECONDS = 60.0
 HARDWARE = "hardware"
 NO_CAP = Left()
 _OURS = frozenset({Cause.UPSTREAM, Cause.ENDPOINT, Cause.FAILED, Cause.INTERRUPTED, Cause.INSTANCES_GONE})
-"""Reasons that no person's edit stands behind."""
+"""Reasons that no person's edit is behind."""
 _BEFORE = ("compile", "lock", "state", "plan", "approval")
 """Where a run stops before it has changed anything."""
 
@@ -125,7 +125,7 @@ def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: 
 
 
 class _Consent:
-    """Decides over a plan in a person's place; ``answer`` is what is told where it is not carried out."""
+    """Decides over a plan in a person's place; ``answer`` is what is reported where it is not carried out."""
 
     def __init__(self, layout: Layout, apply: str, left: Left) -> None:
         self._layout = layout
@@ -159,7 +159,7 @@ def _asking(apply: str) -> tuple[str, ...]:
 
 
 def objections(outlook: Outlook) -> tuple[str, ...]:
-    """Why this plan is not carried out with nobody there; empty when it may be."""
+    """Why this plan is not carried out with no one there; empty when it may be."""
     found = [f"{item.node}: {text}" for item in outlook.plan.work for text in _others(outlook, item)]
     kinds = {step.node: step.kind for step in outlook.plan.steps}
     for item in outlook.plan.work:
@@ -260,7 +260,7 @@ MADE = ("deploy", "endpoint")
 
 
 def redeploy(layout: Layout, environ: Mapping[str, str]) -> DutyOutcome:
-    """Have the packages of the endpoint decided anew, and serve from them where their trial holds."""
+    """Have the packages of the endpoint decided again, and serve from them where their test holds."""
     if is_marked(layout):
         return DutyOutcome(ok=False, detail="a person has stopped the endpoint; it stays so")
     mine = _RedeployConsent(layout)

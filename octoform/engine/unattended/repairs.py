@@ -169,7 +169,7 @@ def _put_back(layout: Layout, path: Path, data: bytes, why: tuple[str, Damage], 
 
 
 def _start_again(layout: Layout, path: Path, done: Mended) -> None:
-    """A launcher with the right bytes that nobody can start is as good as none."""
+    """A launcher with the right bytes that no one can start is as good as none."""
     if path != layout.endpoint / LAUNCHER or os.access(path, os.X_OK):
         return
     try:
@@ -181,7 +181,7 @@ def _start_again(layout: Layout, path: Path, done: Mended) -> None:
 
 
 def _free(layout: Layout, folder: Path, stamp: str, done: Mended) -> None:
-    """Move aside what stands where a folder should be."""
+    """Move aside what is where a folder should be."""
     if not os.path.lexists(folder) or (folder.is_dir() and not folder.is_symlink()):
         return
     aside, problem = set_aside(layout, folder, stamp, Damage.LINK)
@@ -202,7 +202,7 @@ def _file_words(found: list[Diagnostic]) -> str:
 
 
 LOCK_SECONDS = 30.0
-"""How long a repair waits for whoever works on the state; behind that it is tried again later."""
+"""How long a repair waits for anyone who works on the state; behind that it is tried again later."""
 BUILD_SECONDS = 300.0
 CLEAN_SECONDS = 60.0
 

@@ -1,6 +1,6 @@
 """What the daemon's agents do on a host: through the same door as an apply, and only on what was applied. (Heavy.)
 
-Who diagnoses or mends stands on the accepted artifacts, and a repair on the endpoint that was published from them.
+Who diagnoses or fixes stands on the accepted artifacts, and a repair on the endpoint that was published from them.
 Where files are not as they were accepted, or a person has begun to change the project, a repair is put off: it would
 carry half of that change into service.
 """
@@ -50,10 +50,10 @@ Work = Callable[[Context], DutyOutcome]
 def on_duty(
     project: Path, environ: Mapping[str, str], operation: str, work: Work, ports: Ports | None = None
 ) -> DutyOutcome:
-    """Do the work under the lock of the host's state; what stands in the way is an answer too.
+    """Do the work under the lock of the host's state; what is in the way is an answer too.
 
-    ``operation`` is what the lock says meanwhile. The state file is written anew, and committed where the manifest says
-    so, when another server is the accepted one afterwards.
+    ``operation`` is what the lock says meanwhile. The state file is written again, and committed where the manifest
+    states that, when another server is the accepted one afterwards.
     """
     with locked(project, environ, operation, LOCK_SECONDS) as held:
         if isinstance(held, HostRefused):
@@ -90,7 +90,7 @@ def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Wor
 
 
 def _recorded(held: Locked, there: Opened, operation: str, answer: DutyOutcome) -> DutyOutcome:
-    """The state file and the commit; a repair that is in service and not recorded is said, and still one."""
+    """The state file and the commit; a repair that is in service and not recorded is stated, and still one."""
     layout, unsettled = held.compiled.layout, there.store.unsettled
     found = there.store.commit_snapshot()
     if not unsettled:
@@ -133,7 +133,7 @@ def ready(context: Context) -> list[Diagnostic]:
 
 
 def _nobody(_: Event) -> None:
-    """Nobody watches a duty; the execution log has it."""
+    """No one watches a background task; the execution log has it."""
 
 
 # WATCH on a host: what the daemon has seen becomes a report, or nothing is known. (Heavy.)

@@ -35,7 +35,7 @@ from octoform.manifest.model import HarnessSpec
 
 RETRIES = 4
 SPARE_TURNS = 5
-"""octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
+"""octoform counts replies itself; the program's own limit only has to hold where no one reads along."""
 TOOLS = ("Bash", "Read", "Write", "Edit", "Glob", "Grep")
 WEB_TOOLS = ("WebSearch", "WebFetch")
 OPTIONS = (
@@ -58,7 +58,7 @@ BEARER, KEY = "ANTHROPIC_AUTH_TOKEN", "ANTHROPIC_API_KEY"
 LOGIN = "CLAUDE_CODE_OAUTH_TOKEN"
 """The token of a subscription, of a login or of `claude setup-token`."""
 PIECE = b'{"type":"stream_event","event":{"type":"content_block_'
-"""Most of the stream: what a reply is made of, which says nothing that its message does not say again."""
+"""Most of the stream: what a reply is made of, which states nothing that its message does not say again."""
 INPUT = ("input_tokens", "cache_read_input_tokens", "cache_creation_input_tokens")
 COUNTS = (*INPUT, "output_tokens")
 IN_TOTALS = {
@@ -190,7 +190,7 @@ class ClaudeCodeDialect:
                 self._reply[name] = max(found, self._reply.get(name, 0))
 
     def _message(self, message: object) -> Iterable[AgentEvent]:
-        """One part of a reply; what the program itself says in place of a model is told again by the result."""
+        """One part of a reply; what the program itself states in place of a model is repeated by the result."""
         if field(message, "model") == "<synthetic>":
             return
         for part in _parts(message):
@@ -241,7 +241,7 @@ def _result(value: object) -> Iterable[AgentEvent]:
 
 
 def _totals(models: object) -> Iterable[Totals]:
-    """What stands beside it as the usage is that since the last result; this is that of the whole run, by model."""
+    """What is beside it as the usage is that since the last result; this is that of the whole run, by model."""
     if not isinstance(models, dict) or not models:
         return
     counts = dict.fromkeys(COUNTS, 0)
@@ -270,7 +270,7 @@ def _usage(value: object) -> Usage:
 
 
 def _argument(arguments: object) -> str:
-    """The one argument that tells what a tool does."""
+    """The one argument that shows what a tool does."""
     for name in ("command", "file_path", "pattern", "query", "url"):
         if field(arguments, name):
             return one_line(field(arguments, name))

@@ -38,7 +38,7 @@ REQUEST_RETRIES = 2
 STREAM_RETRIES = 5
 PROVIDER = "octoform"
 ACCOUNT = "CODEX_ACCOUNT_ID"
-"""Whose subscription it is; with a key nobody asks."""
+"""Whose subscription it is; with a key no one asks."""
 TRACE = "RUST_LOG"
 TRACED = "error,codex_otel.log_only[{event.kind}]=info,codex_otel.log_only[{error.message}]=info"
 OFF = (
@@ -132,7 +132,7 @@ def _config(launch: Launch) -> str:
 
 
 def _account(launch: Launch) -> str | None:
-    """The variable with the account of a login, if it tells of one."""
+    """The variable with the account of a login, if it shows one."""
     return ACCOUNT if launch.spec.login and ACCOUNT in launch.task.environment else None
 
 

@@ -1,7 +1,7 @@
 """Harness ``command``: any program that a person names in the manifest is the agent.
 
 The command is a list of arguments, never a shell line. Placeholders in braces are replaced inside an argument; the
-prompt comes on standard input, as a file, or as an argument. What the program needs besides stands in the
+prompt comes on standard input, as a file, or as an argument. What the program needs besides is in the
 environment: OCTOFORM_TASK, OCTOFORM_PROMPT and OCTOFORM_OUTPUT are paths.
 """
 
@@ -25,8 +25,8 @@ _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)\}")
 class CommandHarness:
     """Runs ``argv`` for a task; ``env`` names the variables of the caller that it may see.
 
-    ``prompt_via`` is ``stdin``, ``file`` (the prompt's path stands where ``{prompt_file}`` does, and in
-    OCTOFORM_PROMPT) or ``argument`` (the text stands where ``{prompt}`` does, else it is the last argument).
+    ``prompt_via`` is ``stdin``, ``file`` (the prompt's path is where ``{prompt_file}`` does, and in
+    OCTOFORM_PROMPT) or ``argument`` (the text is where ``{prompt}`` does, else it is the last argument).
     """
 
     argv: tuple[str, ...]
@@ -69,7 +69,7 @@ def fill(template: str, values: dict[str, str]) -> str:
 
 
 def names(template: str) -> set[str]:
-    """The placeholder names that stand in an argument."""
+    """The placeholder names that are in an argument."""
     return {found for found in _PLACEHOLDER.findall(template) if found}
 
 

@@ -1,6 +1,6 @@
 """Harness ``gemini-cli``: the Gemini CLI (@google/gemini-cli), its streamed JSON.
 
-That stream tells what a reply cost only at the very end. The program can also record each reply, with its tokens, to a
+That stream shows what a reply cost only at the very end. The program can also record each reply, with its tokens, to a
 file; here that file is its own standard error, so that the limits of turns and money hold while it runs. Its exit
 status is an HTTP status modulo 256 and is not read. What it tries again is told on standard error alone.
 """
@@ -35,7 +35,7 @@ from octoform.manifest.model import HarnessSpec
 
 ATTEMPTS = 4
 SPARE_TURNS = 5
-"""octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
+"""octoform counts replies itself; the program's own limit only has to hold where no one reads along."""
 WEB_TOOLS = ("google_web_search", "web_fetch")
 OPTIONS = (
     *("--yolo", "--skip-trust"),
@@ -87,7 +87,7 @@ def _settings(launch: Launch) -> dict[str, Any]:
 
     Nothing of the folders above is read: no instructions, and no .env file, whose variables its tools would see. Names
     with an ``@`` in the prompt stay what they are, and are not searched for as files. Its own guard against loops also
-    ends runs that poll for something, and says that they went well; octoform's limit of turns stands in its place.
+    ends runs that poll for something, and states that they went well; octoform's limit of turns is in its place.
     """
     turns = launch.task.limits.turns
     return {
@@ -185,7 +185,7 @@ class GeminiCliDialect:
             yield Closed(ok=False, text=self._words)
 
     def _trouble(self, text: str, status: bytes | str | None, *, final: bool = False) -> Trouble:
-        """What says nothing by itself is what the attempt before it failed with."""
+        """What states nothing by itself is what the attempt before it failed with."""
         found = trouble(text, int(status) if status else None, final=final)
         if found.reason is ExitReason.CRASHED and self._failed is not None:
             return Trouble(self._failed, found.text, final)
@@ -214,7 +214,7 @@ def _usage(piece: object) -> Usage:
 
 
 def _argument(parameters: object) -> str:
-    """The one argument that tells what a tool does."""
+    """The one argument that shows what a tool does."""
     for name in ("command", "file_path", "absolute_path", "dir_path", "pattern", "query", "prompt"):
         if field(parameters, name):
             return one_line(field(parameters, name))

@@ -77,7 +77,7 @@ class LiteLLMHarness:
         return run_contained(task, invocation, progress)
 
     def configuration(self, task: Task) -> Config | Diagnostic:
-        """What the process is told, or what is missing; nothing is written."""
+        """What the process is given, or what is missing; nothing is written."""
         way = route(self.spec, task.model, task.environment)
         if isinstance(way, Diagnostic):
             return way

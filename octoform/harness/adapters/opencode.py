@@ -1,7 +1,7 @@
 """Harness ``opencode``: the opencode coding agent (opencode-ai), its JSON output and what a plugin of ours adds to it.
 
 Its own output has a part only when it is whole, and nothing at all of a request that failed and is tried again, which
-it does for ever. The plugin, which lies in the private home folder, tells of these on standard error.
+it does permanently. The plugin, which lies in the private home folder, tells of these on standard error.
 """
 
 import json
@@ -196,7 +196,7 @@ def _usage(tokens: object) -> Usage:
 
 
 def _argument(given: object) -> str:
-    """The one argument that tells what a tool does."""
+    """The one argument that shows what a tool does."""
     for name in ("command", "filePath", "pattern", "query", "url", "error"):
         if field(given, name):
             return one_line(field(given, name))

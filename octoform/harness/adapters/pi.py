@@ -136,7 +136,7 @@ def _reply(message: Mapping[str, Any]) -> Iterable[AgentEvent]:
 
 
 def _argument(args: object) -> str:
-    """The one argument that tells what a tool does."""
+    """The one argument that shows what a tool does."""
     for name in ("command", "path", "pattern", "query"):
         if field(args, name):
             return one_line(field(args, name))

@@ -73,7 +73,7 @@ class ProgramHarness:
 
     @property
     def name(self) -> str:
-        """The name that stands in the manifest."""
+        """The name that is in the manifest."""
         return self.adapter.name
 
     def run(self, task: Task, progress: ProgressSink) -> Outcome:

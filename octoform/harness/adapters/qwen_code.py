@@ -35,7 +35,7 @@ from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, RESPONSES
 from octoform.manifest.model import HarnessSpec
 
 SPARE_TURNS = 5
-"""octoform counts replies itself; the program's own limit only has to hold where nobody reads along."""
+"""octoform counts replies itself; the program's own limit only has to hold where no one reads along."""
 OPTIONS = ("--yolo", "--output-format", "stream-json", "--include-partial-messages")
 WAYS = {
     CHAT: ("openai", "OPENAI_API_KEY", "OPENAI_BASE_URL"),
@@ -165,7 +165,7 @@ def _returned(message: object) -> Iterable[AgentEvent]:
 
 
 def _logged(line: bytes) -> Iterable[AgentEvent]:
-    """A failed request in the debug log; or why it stops, which is then all that it says."""
+    """A failed request in the debug log; or why it stops, which is then all that it states."""
     found = LOGGED.match(line)
     if found is not None:
         text = found.group(2).decode("utf-8", "replace").removesuffix(" {")
@@ -200,7 +200,7 @@ def _usage(value: object) -> Usage:
 
 
 def _argument(arguments: object) -> str:
-    """The one argument that tells what a tool does."""
+    """The one argument that shows what a tool does."""
     for name in ("command", "file_path", "path", "pattern", "query", "url"):
         if field(arguments, name):
             return one_line(field(arguments, name))

@@ -1,8 +1,8 @@
 """Harness ``replay``: a recorded run is the agent.
 
-It starts no program, asks no model and waits for nothing: the recorded transcript is told as it was, the recorded edit
-of the spec is made, the recorded output is written, and the gate judges it like any other. So what a real agent once
-did on a host can be gone through again, failures included, on every machine and for nothing.
+It starts no program, asks no model and waits for nothing: the recorded transcript is reported as it was, the recorded
+edit of the spec is made, the recorded output is written, and the gate judges it like any other. So what a real agent
+once did on a host can be gone through again, failures included, on every machine and for nothing.
 """
 
 import os

@@ -25,7 +25,7 @@ def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ())
     """The environment of an agent in ``workdir``; makes its private ``home`` and ``tmp`` folders there (0700).
 
     ``caller`` is where PATH, OCTOFORM_* settings and the ``named`` variables come from; a named one that the caller
-    lacks is left out. An OCTOFORM_ variable whose name says that it is a secret is passed only when it is named.
+    lacks is omitted. An OCTOFORM_ variable whose name states that it is a secret is passed only when it is named.
     """
     out = {name: value for name, value in caller.items() if name.startswith(PREFIX) and not is_secret(name)}
     out |= {
@@ -53,7 +53,7 @@ def remove_private(workdir: Path) -> None:
 
 
 def is_secret(name: str) -> bool:
-    """True for a variable whose name says that its value is a secret."""
+    """True for a variable whose name states that its value is a secret."""
     return any(word in name.upper() for word in SECRET_WORDS)
 
 

@@ -1,6 +1,6 @@
 """One command of an agent, ended in time and let go of when it has ended, for programs that do neither themselves.
 
-Such a program waits until nobody holds the command's output any more, so whatever the command has left running holds
+Such a program waits until no one holds the command's output any more, so whatever the command has left running holds
 up the whole run. Its shell is replaced by this script, started as ``python -I -S bounded_command.py SECONDS PROGRAM
 [ARGUMENT ...]`` (0 seconds: no limit). The command writes into pipes of this process, which passes on what comes and
 leaves with the command itself, as it did: the same exit status or the same signal. It uses the standard library alone
@@ -19,7 +19,7 @@ PIECE_BYTES = 64 << 10
 STEP_SECONDS = 0.02
 GRACE_SECONDS = 2.0
 LAST_PIECES = 64
-"""What still stands in a pipe at the end: its capacity, and a bound against what goes on writing."""
+"""What still is in a pipe at the end: its capacity, and a bound against what goes on writing."""
 STOP_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 
 

@@ -60,7 +60,7 @@ class Limits:
 class Program:
     """What to run: ``stdin`` is a file, or None for an empty input; ``secrets`` are redacted from the log by name.
 
-    ``piped`` stands in place of a file for what may be in none: it can be read once, and by the first who does.
+    ``piped`` is in place of a file for what may be in none: it can be read once, and by the first who does.
     """
 
     argv: tuple[str, ...]
@@ -92,7 +92,7 @@ class Observer(Protocol):
 class Ended:
     """How the tree ended.
 
-    ``reason`` is ended, wall, ordered (by the observer), stopped, orphaned, not_started (``errno`` says why), lost
+    ``reason`` is ended, wall, ordered (by the observer), stopped, orphaned, not_started (``errno`` states why), lost
     (the supervisor was killed) or halted (it was stopped, and then killed from here).
     ``status`` is the program's exit status, negative for a signal, None when unknown. ``survivors`` counts processes
     besides the program itself that had to be ended, ``remaining`` those that could not be.
@@ -260,14 +260,14 @@ class _Session:
                 os.write(self._control, b"e")
 
     def _drain(self, selector: selectors.BaseSelector, log: TaskLog, observer: Observer) -> None:
-        """What still stands in the pipes after the end: at most their capacity, and a bound against a live writer."""
+        """What still is in the pipes after the end: at most their capacity, and a bound against a live writer."""
         for key in list(selector.get_map().values()):
             rounds = 64
             while key.data != "report" and rounds and self._take(selector, key, log, observer):
                 rounds -= 1
 
     def stop(self) -> None:
-        """End the tree if it still runs (closing the control pipe says so), and release everything."""
+        """End the tree if it still runs (closing the control pipe states that), and release everything."""
         os.close(self._control)
         os.close(self._report)
         try:

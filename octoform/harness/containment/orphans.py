@@ -1,6 +1,6 @@
 """Ending what a crash left running: agents of this project whose supervisor and whose octoform are both gone.
 
-Each attempt's folder holds ``process.json``, written before its agent starts: a random mark that stands in the
+Each attempt's folder holds ``process.json``, written before its agent starts: a random mark that is in the
 environment and among the limits of every process of the tree, and the supervisor's process id with its start time. A
 process is ended only when it bears the very mark that a folder of ours records (or when it descends from such a one),
 it belongs to this user and is not older than the attempt. Names and ids alone prove nothing and are never used.
@@ -46,9 +46,9 @@ def look(pid: int) -> Process | None:
 
 
 def own() -> Iterator[Process]:
-    """Every running process that this user may signal, this one and its parent left out.
+    """Every running process that this user may signal, this one and its parent omitted.
 
-    Root may signal all. What a file mode in /proc says is not asked: a process that lets nobody look into it seems to
+    Root may signal all. What a file mode in /proc says is not asked: a process that lets no one look into it seems to
     be root's (PR_SET_DUMPABLE in prctl(2)).
     """
     spared = {os.getpid(), os.getppid()}
@@ -97,7 +97,7 @@ class Adopted:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What ``process.json`` says; ``start`` is the supervisor's start time in clock ticks since boot."""
+    """What ``process.json`` states; ``start`` is the supervisor's start time in clock ticks since boot."""
 
     mark: str
     pid: int
@@ -118,7 +118,7 @@ class Swept:
 
 
 def write(workdir: Path, record: Record) -> None:
-    """Write the record, whole or not at all; OSError when the disk says no."""
+    """Write the record, whole or not at all; OSError when the disk refuses it."""
     value = {
         "format": 1,
         "attempt": record.mark,
@@ -192,7 +192,7 @@ def _hunt(adopted: Adopted, since: int) -> list[int]:
 def end_marked(records: tuple[Record, ...], adopted: Adopted | None = None) -> Swept:
     """SIGKILL to every process that provably belongs to one of the records, until none is found.
 
-    ``adopted`` says how to tell those of a supervisor that was killed, whatever they have done with their marks.
+    ``adopted`` states how to tell those of a supervisor that was killed, whatever they have done with their marks.
     """
     since = min((record.start for record in records if record.start), default=None)
     ended = _hunt(adopted, since) if adopted is not None and since is not None else []

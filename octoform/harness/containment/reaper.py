@@ -9,9 +9,9 @@ proof that nothing runs on.
 Arguments: ``REPORT_FD CONTROL_FD WALL_SECONDS GRACE_SECONDS FILE_BYTES PROGRAM [ARGUMENT ...]``. The agent is started
 when a byte arrives on the control descriptor. The tree is ended (SIGTERM, then SIGKILL) when the agent has ended, when
 the wall limit has passed, on a second byte, on SIGTERM, or when the control descriptor closes, which is how the death
-of octoform shows on every system; on Linux the kernel's parent-death signal says the same. One JSON line on the report
-descriptor tells how it went. Where there is no subreaper (not Linux) only the agent's process group is ended, and the
-report says so.
+of octoform shows on every system; on Linux the kernel's parent-death signal states the same. One JSON line on the
+report descriptor shows how it went. Where there is no subreaper (not Linux) only the agent's process group is ended,
+and the report states that.
 """
 
 import ctypes

@@ -119,7 +119,7 @@ OPEN_SERVICES = (
     *("/run/nscd", "/run/systemd/resolve", "/run/systemd/userdb", "/run/systemd/journal", "/run/avahi-daemon"),
     *("/run/dbus", "/run/udev", "/run/pcscd", "/run/gpsd.sock", "/run/cups"),
 )
-"""Names, logs and hardware; every other service does for its user whatever it is told, as a database does."""
+"""Names, logs and hardware; every other service does for its user whatever it is asked, as a database does."""
 ROOT_DOORS = ("/run/dbus/system_bus_socket", "/run/systemd/private", "/run/systemd/io.systemd.Manager")
 SYSTEM = frozenset({"usr", "bin", "sbin", "lib", "lib64", "etc", "dev", "proc", "sys", "boot", "nix", "snap"})
 SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
@@ -389,7 +389,7 @@ def _hidden(caller: Mapping[str, str]) -> list[Path]:
 
 
 def _own_home() -> str:
-    """The home that the system knows for this user, whatever HOME says."""
+    """The home that the system knows for this user, whatever HOME states."""
     import pwd  # there is none on some systems
 
     try:
@@ -421,7 +421,7 @@ def _of_project(project: Path, hidden: Sequence[Path]) -> list[Path]:
 
 
 def _named_in_task(document: Path) -> Iterator[Path]:
-    """The files that the task tells the agent to read."""
+    """The files that the task instructs the agent to read."""
     try:
         task = parse(read_plain(document, TASK_BYTES) or b"")
     except ValueError:

@@ -3,7 +3,7 @@
 Started as ``python -I -S sandbox_entry.py FILTER USER GROUP[,GROUP ...] FOLDER PROGRAM [ARGUMENT ...]``; USER is ``-``
 for an agent that stays who it is, FILTER the system calls that are refused, in hexadecimal digits, FOLDER where the
 agent begins, which is closed to everybody but the agent's user. For good it gets terminals
-of its own, so that nobody types or reads in the person's; it becomes that user; no socket without a file leads to
+of its own, so that no one types or reads in the person's; it becomes that user; no socket without a file leads to
 another program of the user; and the kernel refuses the calls of the filter. Older kernels lack some of this; what they
 have holds. It uses the standard library alone, because that is all that is certain to be seen in there.
 """

@@ -106,5 +106,5 @@ def _fail(number: int) -> bytes:
 
 
 def _do(code: int, value: int, if_true: int = 0, if_false: int = 0) -> bytes:
-    """One instruction; jumps count the instructions that are left out."""
+    """One instruction; jumps count the instructions that are omitted."""
     return struct.pack("=HBBI", code, if_true, if_false, value)

@@ -1,6 +1,6 @@
 """The log of one attempt: everything the agent printed, within bounds and without the secrets it was given.
 
-Written while the agent runs. Bounded, because an agent may print for ever; private (0600), because it holds what the
+Written while the agent runs. Bounded, because an agent may print permanently; private (0600), because it holds what the
 agent saw; and redacted before it is written, because a log is what the next prompt quotes.
 """
 
@@ -23,7 +23,7 @@ SILENCE_INTERVAL = 10.0
 class Progress:
     """Lines of the agent's standard output for a person: short, printable, and not more than five a second.
 
-    A silent agent is told of too, by an empty text every ten seconds, so that nobody wonders whether it still runs.
+    A silent agent is notified of too, by an empty text every ten seconds, so that no one wonders whether it still runs.
     """
 
     def __init__(self, sink: Callable[[str, float], None], clock: Callable[[], float] = time.monotonic) -> None:

@@ -1,7 +1,7 @@
 """One request to a model: the only module that imports litellm, and what its answers and failures mean.
 
-Replies are streamed, so that a long one can be told from one that has stalled. Retries are ours: the library's own
-hide the status of what failed.
+Replies are streamed, so that a long one can be distinguished from one that has stalled. Retries are ours: the library's
+own hide the status of what failed.
 """
 
 import importlib
@@ -201,7 +201,7 @@ def _function(call: Mapping[str, Any], name: str) -> str:
 
 
 def _usage(chunks: Sequence[Any]) -> dict[str, int]:
-    """Tokens of the last piece that tells them; all input stands in ``input``, the part from a cache also apart."""
+    """Tokens of the last piece that tells them; all input is in ``input``, the part from a cache also apart."""
     for chunk in reversed(chunks):
         told = getattr(chunk, "usage", None)
         if told is None:

@@ -141,7 +141,7 @@ def _failed(why: str) -> Diagnostic:
 
 
 class _Kept:
-    """Keeps what the process says, within a bound."""
+    """Keeps what the process reports, within a bound."""
 
     def __init__(self) -> None:
         self.data = bytearray()
@@ -176,7 +176,7 @@ MOST_LINES = 100
 class Excerpt:
     """Text of at most the asked bytes, to be fenced as data like any log.
 
-    ``condensed``: it is a model's summary; else it is the log's end, and ``reason`` says why it is when a summary was
+    ``condensed``: it is a model's summary; else it is the log's end, and ``reason`` states why it is when a summary was
     wanted. ``usage`` is what the summary cost.
     """
 
@@ -187,7 +187,7 @@ class Excerpt:
 
 
 def condense(log: Path, bound_bytes: int, completion: Completion | None) -> Excerpt:
-    """The log of a failed attempt in at most ``bound_bytes`` bytes; never raises for what stands in it."""
+    """The log of a failed attempt in at most ``bound_bytes`` bytes; never raises for what is in it."""
     end = tail(log, MOST_LINES, bound_bytes)
     size = _size(log)
     if completion is None or size is None or size <= bound_bytes:

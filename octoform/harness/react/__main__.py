@@ -1,4 +1,4 @@
-"""The agent's process: ``python -I -m octoform.harness.react CONFIG``, with the prompt where the configuration says.
+"""The agent's process: ``python -I -m octoform.harness.react CONFIG``, with the prompt where the configuration names.
 
 The variables that no command may have come as a JSON object on standard input. What a process is started with anybody
 of the same user can read, its commands first of all; what it sets itself cannot be seen there.
@@ -20,7 +20,7 @@ UNAUTHORIZED = 401
 
 
 def main(path: str) -> int:
-    """Run the agent as the file says; 0 when its conversation came to an end of its own."""
+    """Run the agent as the file states; 0 when its conversation came to an end of its own."""
     config = read(Path(path))
     os.environ.update(files.parse(sys.stdin.read() or "{}"))
     reporter = Reporter(sys.stdout)

@@ -47,7 +47,7 @@ class Said:
 
 @dataclass(frozen=True, slots=True)
 class Shell:
-    """Runs commands in ``workdir`` with that environment; seconds when nothing is said, and at most."""
+    """Runs commands in ``workdir`` with that environment; seconds when nothing is stated, and at most."""
 
     workdir: Path
     environment: Mapping[str, str]
@@ -204,7 +204,7 @@ def write_file(workdir: Path, path: str, content: str) -> Said:
 
 
 def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
-    """Replace each ``old``, which must stand there exactly once, by its ``new``; all or none."""
+    """Replace each ``old``, which must be there exactly once, by its ``new``; all or none."""
     if not edits:
         return Said("edits is empty: nothing was changed", failed=True)
     try:
@@ -311,13 +311,13 @@ QUOTED = 200
 
 @cache
 def declared() -> tuple[dict[str, Any], ...]:
-    """The tools in the form in which a model is told of them."""
+    """The tools in the form in which a model is notified of them."""
     return tuple(parse(DECLARED.read_text(encoding="utf-8")))
 
 
 @dataclass(frozen=True, slots=True)
 class Ready:
-    """A call that can be made; ``text`` says for what, in one argument of it."""
+    """A call that can be made; ``text`` states for what, in one argument of it."""
 
     tool: str
     arguments: Mapping[str, Any]
@@ -346,7 +346,7 @@ def checked(call: Call) -> Ready | str:
 
 
 def _mismatch(schema: Mapping[str, Any], value: Any, at: str) -> str | None:
-    """What does not fit the schema (of the few forms that stand in tools.json), or None."""
+    """What does not fit the schema (of the few forms that are in tools.json), or None."""
     if not isinstance(value, TYPES[schema["type"]]) or isinstance(value, bool):
         return f"{at or 'the value'} is no {schema['type']}"
     if isinstance(value, list):

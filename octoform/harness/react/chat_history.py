@@ -55,7 +55,7 @@ def readable(data: bytes) -> str:
 
 
 def cut(text: str, limit: int) -> str:
-    """A text of at most about ``limit`` bytes, its middle left out."""
+    """A string of at most about ``limit`` bytes, its middle omitted."""
     data = text.encode("utf-8", "replace")
     if len(data) <= limit:
         return text
@@ -75,7 +75,7 @@ RESULT_BYTES = 48 << 10
 """Bounds of one step: what the model said, the arguments of its calls, and the results of them."""
 SHORTEST_REPLACED = 200
 NOTE_BYTES = 200
-"""For the note on steps that are left out."""
+"""For the note on steps that are omitted."""
 
 
 def limit_for(tokens: int | None, fixed: int) -> int:
@@ -85,7 +85,7 @@ def limit_for(tokens: int | None, fixed: int) -> int:
 
 
 class Conversation:
-    """Messages as litellm takes them; a step is a reply with the results of its calls, or with what it was told."""
+    """Messages as litellm takes them; a step is a reply with the results of its calls, or with what it was given."""
 
     def __init__(self, instructions: str, task: str, tokens: int | None = None) -> None:
         self._opening: list[dict[str, Any]] = [
@@ -172,7 +172,7 @@ class Conversation:
 
 
 def _kept(arguments: str, limit: int) -> str:
-    """Arguments as they may stand in the conversation."""
+    """Arguments as they may be in the conversation."""
     return arguments if parsed(arguments) is not None and len(arguments.encode("utf-8", "replace")) <= limit else "{}"
 
 

@@ -1,4 +1,4 @@
-"""What the agent's process is told: one JSON file, written by the adapter, that holds no secret."""
+"""What the agent's process is given: one JSON file, written by the adapter, that holds no secret."""
 
 import json
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ class Config:
     """Paths are absolute; ``output`` lies in ``workdir``. ``hidden`` are variables that no command gets.
 
     ``request_seconds`` is how long a request may be silent, ``shell_seconds`` and ``most_shell_seconds`` what a
-    command may take when the model says nothing, and at most.
+    command may take when the model reports nothing, and at most.
     """
 
     route: Route
@@ -29,7 +29,7 @@ class Config:
     web_search: bool = False
 
     def write(self, path: Path) -> None:
-        """Write it; OSError when the disk says no."""
+        """Write it; OSError when the disk refuses it."""
         replace(path, json.dumps(asdict(self)).encode(), 0o644, synced=False)
 
 

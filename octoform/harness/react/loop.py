@@ -36,7 +36,7 @@ class Reporter:
         self._tell("reply", text=text[:SHOWN], usage=dict(usage))
 
     def call(self, tool: str, text: str) -> None:
-        """A tool is used; ``text`` says for what."""
+        """A tool is used; ``text`` states for what."""
         self._tell("call", tool=tool[:SHOWN], text=text[:SHOWN])
 
     def result(self, text: str, failed: bool) -> None:
@@ -78,7 +78,7 @@ def instructions(config: Config) -> str:
 
 @dataclass(slots=True)
 class Loop:
-    """One run over a conversation; ``done`` says whether the declared output stands."""
+    """One run over a conversation; ``done`` states whether the declared output stands."""
 
     model: Model
     toolbox: Toolbox
@@ -90,7 +90,7 @@ class Loop:
     _told: bool = field(default=False, init=False)
 
     def run(self) -> bool:
-        """Run to the end; True when it is a good one. Everything is told to the reporter."""
+        """Run to the end; True when it is a good one. Everything is reported to the reporter."""
         while True:
             answer = self._ask()
             if isinstance(answer, Refusal):

@@ -1,1 +1,1 @@
-"""The state file of a host: journal, snapshot and lock, and the one face for whoever changes it."""
+"""The state file of a host: journal, snapshot and lock, and the one face for anyone who changes it."""

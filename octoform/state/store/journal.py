@@ -25,7 +25,7 @@ from octoform.state.files import (
 
 
 class Op(StrEnum):
-    """What a record says. ``head`` and ``commit`` are about snapshots, the others about a node."""
+    """What a record states. ``head`` and ``commit`` are about snapshots, the others about a node."""
 
     HEAD = "head"
     BEGIN = "begin"

@@ -1,7 +1,7 @@
 """One lock for each host's state, which a dead holder cannot keep and a live one cannot lose.
 
-The lock is a file that says who holds it, so that a refusal can name the process, and a `force-unlock` can name the
-lock. Whoever looks at it, takes it or clears it does so under a kernel lock on a guard file, so two processes that
+The lock is a file that states who holds it, so that a refusal can name the process, and a `force-unlock` can name the
+lock. Anyone who looks at it, takes it or clears it does so under a kernel lock on a guard file, so two processes that
 both find a dead holder cannot both clear it (the second would clear the first one's new lock). The holder also keeps a
 kernel lock on the file itself: it proves life across containers. Light.
 """
@@ -33,7 +33,7 @@ _FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """What the lock file says: the lock's id, its holder, the operation, since when (RFC 3339), in which folder."""
+    """What the lock file states: the lock's id, its holder, the operation, since when (RFC 3339), in which folder."""
 
     id: str
     process: Process
@@ -62,7 +62,7 @@ class Lock:
         self.holder = holder
 
     def held(self) -> bool:
-        """Whether the lock is still ours: nobody forced it."""
+        """Whether the lock is still ours: no one forced it."""
         there = read_holder(self._layout)
         return self._descriptor is not None and isinstance(there, Holder) and there.id == self.holder.id
 
@@ -96,7 +96,7 @@ class Acquired:
 
 
 def read_holder(layout: Layout) -> Holder | Diagnostic | None:
-    """Who holds the lock; None when nobody does; STATE-LOCK-UNREADABLE when the file is no lock."""
+    """Who holds the lock; None when no one does; STATE-LOCK-UNREADABLE when the file is no lock."""
     data, problem = read_regular(layout.lock, _LIMIT)
     if problem is not None:
         return problem
@@ -247,7 +247,7 @@ def _locked(layout: Layout, holder: Holder, me: Process, proc: Path) -> Diagnost
 
 
 def force_unlock(layout: Layout, lock_id: str) -> list[Diagnostic]:
-    """Remove the lock of that id, whoever holds it; the id proves that the person read who does."""
+    """Remove the lock of that id, no matter who holds it; the id proves that the person read who does."""
     try:
         with _guard(layout, Waiting(_GUARD_SECONDS)):
             there = read_holder(layout)

@@ -124,7 +124,7 @@ def _bad(layout: Layout, code: str, summary: str) -> Diagnostic:
 
 
 def recovery(layout: Layout) -> str:
-    """One sentence that names the previous good copy, or says that this machine has none."""
+    """One sentence that names the previous good copy, or states that this machine has none."""
     target = shown(layout.snapshot)
     kept = backup_path(layout)
     data, problem = read_regular(kept)

@@ -84,7 +84,7 @@ class Current:
     """What is on disk.
 
     ``base`` is the state file (None: there is none yet) and ``folded`` what holds now; ``pending`` counts the node
-    records that the state file has not absorbed; ``foreign`` tells that the journal continues another state file.
+    records that the state file has not absorbed; ``foreign`` shows that the journal continues another state file.
     """
 
     base: Snapshot | None

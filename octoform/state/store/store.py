@@ -1,4 +1,4 @@
-"""The one face of the state for whoever changes it: each step journalled, then one new snapshot.
+"""The one face of the state for anyone who changes it: each step journalled, then one new snapshot.
 
 The order is always: begin is durable before anything happens, the end is durable before anybody is told of it, the new
 snapshot is in place before the journal goes. So a kill at any point leaves either the former state, or the former

@@ -23,7 +23,7 @@ from octoform.views.format.values import clock, length, one_line
 from octoform.views.plan_text import counted
 
 EXIT = {Status.HEALTHY: 0, Status.DEGRADED: 3, Status.ERROR: 4, Status.DOWN: 5, Status.UNKNOWN: 6}
-"""How a command leaves that tells how the deployment is; 1 and 2 mean other things."""
+"""How a command leaves that shows how the deployment is; 1 and 2 mean other things."""
 STYLES = {
     Status.HEALTHY: "green",
     Status.DEGRADED: "yellow",
@@ -36,14 +36,14 @@ _STANDING = (Outcome.FROZEN, Outcome.SURFACED)
 
 
 class Standing:
-    """Which troubles wait for a person, told once each time that they begin to."""
+    """Which problems wait for a person, told once each time that they begin to."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
         self._known: dict[str, Episode] = {}
 
     def fresh(self, made: Round) -> list[Episode]:
-        """Those that are given up, or that nothing repairs, since the round before."""
+        """Those that are given up, or that nothing repairs, since the check cycle before."""
         for each in (*made.opened, *(episode for episode, _ in made.tried), *made.ended):
             self._known[each.key] = each
         for each in made.ended:
@@ -68,7 +68,7 @@ def seconds_of(episode: Episode) -> float | None:
 
 
 class Lines:
-    """The events for a person, and below them a line that says how it is."""
+    """The events for a person, and below them a line that states how it is."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
@@ -104,7 +104,7 @@ class Lines:
             self._wipe()
 
     def _events(self, made: Round) -> Iterator[tuple[str, Style, str, Style]]:
-        """What it is about and how it looks, what is said of it and how that looks."""
+        """What it is about and how it looks, what is stated of it and how that looks."""
         for problem in made.problems:
             yield "octoform", (), _problem(problem), ("yellow",)
         if made.paused != self._paused:
@@ -126,7 +126,7 @@ class Lines:
             yield episode.target, (), _needed(episode), ("red",)
 
     def _draw(self, made: Round) -> None:
-        """The quiet line; it is drawn again only when something is written above it or it says something new."""
+        """The quiet line; it is drawn again only when something is written above it or it states something new."""
         if made.health is None or not self._console.out.isatty():
             return
         health = made.health
@@ -156,7 +156,7 @@ class Objects:
         self._paused: str | None = None
 
     def __call__(self, made: Round) -> None:
-        """Show one round; a round in which nothing happened shows nothing."""
+        """Show one check cycle; a check cycle in which nothing happened shows nothing."""
         emit = self._stream.emit
         self._stream.diagnostics(made.problems)
         if made.paused != self._paused:
@@ -184,7 +184,7 @@ class Objects:
         self._tell_health(made)
 
     def end(self) -> None:
-        """Nothing is left to be said."""
+        """Nothing is left to be shown."""
 
     def _tell_health(self, made: Round) -> None:
         health = made.health
@@ -218,14 +218,14 @@ def _tried(episode: Episode, tried: Try) -> dict[str, Any]:
 
 
 def _under_way(made: Round) -> list[tuple[str, str]]:
-    """(target, repair) of what was begun and has not ended in the same round."""
+    """(target, repair) of what was begun and has not ended in the same check cycle."""
     over = {(episode.target, tried.repair) for episode, tried in made.tried}
     begun = [(each.finding.target, str(each.repair)) for each in made.begun if each.finding and each.repair]
     return [each for each in begun if each not in over]
 
 
 def _needed(episode: Episode) -> str:
-    """Why, and where the whole of it is told: a line of events is no place for a command that is cut."""
+    """Why, and where the whole of it is shown: a line of events is no place for a command that is cut."""
     return f"needs a person (octoform health): {episode.hint.partition('; ')[0] or episode.summary}"
 
 
@@ -261,7 +261,7 @@ _LATEST = (
 
 
 def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic], count: int, *, as_json: bool) -> int:
-    """All kinds with their figures, and the latest ``count`` episodes, the newest last."""
+    """All kinds with their figures, and the latest ``count`` incidents, the newest last."""
     latest = found[max(0, len(found) - count) :]
     if as_json:
         document = {

@@ -1,6 +1,6 @@
-"""How a deployment is, for a person who was woken by it: one line that says it, then what is wrong and what to do.
+"""How a deployment is, for a person who was woken by it: one line that states it, then what is wrong and what to do.
 
-What is said of each trouble stands always in the same order: what, since when, what was tried, why nothing is tried
+What is stated of each problem stands always in the same order: what, since when, what was tried, why nothing is tried
 now, and the command that helps.
 """
 
@@ -36,13 +36,13 @@ STYLES = {
 LONGEST = 110
 """Columns that a person reads in one go, however wide the terminal is."""
 MOST_CHARACTERS = 400
-"""Of what one trouble says about one thing."""
+"""Of what one problem says about one thing."""
 MOST = 12
-"""Troubles, and silent signals, that are shown; the rest is counted."""
+"""Problems, and silent signals, that are shown; the rest is counted."""
 
 
 def health(console: Console, found: Survey, *, as_json: bool, now: datetime | None = None) -> int:
-    """The exit code says it too: `EXIT`. ``now`` is what times are counted from."""
+    """The exit code states it too: `EXIT`. ``now`` is what times are counted from."""
     if as_json:
         console.raw(escaped_json(json.dumps(document(found), ensure_ascii=False, indent=2)))
         return EXIT[found.health.status]
@@ -131,7 +131,7 @@ def _rank(trouble: Trouble) -> tuple[int, bool, str]:
 
 
 def _wrapped(console: Console, head: str, text: str) -> Iterator[str]:
-    """A text behind a head that is indented; foreign text, so it is bounded."""
+    """A string behind a head that is indented; foreign text, so it is bounded."""
     width = min(LONGEST, console.width)
     lines = wrap(one_line(text, MOST_CHARACTERS), max(30, width - len(head)), break_on_hyphens=False) or [""]
     yield f"{head}{lines[0]}"
@@ -174,7 +174,7 @@ def _tried(trouble: Trouble, now: datetime) -> str:
 
 
 def _beside(console: Console, found: Survey) -> Iterator[str]:
-    """What is not healthy and is no trouble of its own: a device that is not there, a claim, a person's stop."""
+    """What is not healthy and is no problem of its own: a device that is not there, a claim, a person's stop."""
     told = {each.target for each in found.troubles}
     parts = [each for each in found.health.parts if each is not _worst(found)]
     shown = [each for each in parts if each.target not in told and not each.target.startswith("unit:")]
@@ -199,7 +199,7 @@ def _silent(console: Console, found: Survey) -> Iterator[str]:
 
 
 def _todo(console: Console, found: Survey) -> Iterator[str]:
-    """What waits for a person and belongs to no trouble."""
+    """What waits for a person and belongs to no problem."""
     todo = [(one_line(command, LONGEST), why) for command, why in found.todo]
     width = max((len(command) for command, _ in todo), default=0)
     for command, why in todo:

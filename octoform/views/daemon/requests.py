@@ -51,7 +51,7 @@ def asked(console: Console, daemon: Record, known: GivenUp, retried: Sequence[st
 
 
 def healed(console: Console, known: GivenUp, retried: Sequence[str], status: str, *, as_json: bool) -> int:
-    """One round was made by this command."""
+    """One check cycle was made by this command."""
     if as_json:
         return _object(console, {"asked": False, "status": status, "retried": list(retried), "frozen": _frozen(known)})
     console.line(

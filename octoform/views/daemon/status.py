@@ -1,4 +1,4 @@
-"""Status for a person and for a program: both axes with their reasons, and what the process says of itself."""
+"""Status for a person and for a program: both axes with their reasons, and what the process reports of itself."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -87,7 +87,7 @@ def _watched(daemon: Record | None) -> str:
 
 
 def _process(process: Process) -> Iterator[str]:
-    """What there is to tell of the process; members of its answer that this octoform does not know are left out."""
+    """What there is to tell of the process; members of its answer that this octoform does not know are omitted."""
     running, told = process.running, process.told or {}
     if running is None:
         return

@@ -26,14 +26,14 @@ _GONE = select.POLLERR | select.POLLHUP | select.POLLNVAL
 
 
 class Reader:
-    """Whoever reads standard output."""
+    """Anyone who reads standard output."""
 
     def __init__(self, console: Console) -> None:
         self._poll = select.poll()
         self._poll.register(console.out.fileno(), 0)
 
     def waits(self) -> bool:
-        """A moment's rest; False when nobody is there any more."""
+        """A moment's rest; False when no one is there any more."""
         return not any(event & _GONE for _, event in self._poll.poll(POLL_MILLISECONDS))
 
 
@@ -50,7 +50,7 @@ def human(console: Console, entries: Iterable[Entry]) -> None:
 
 
 def machine(console: Console, lines: Iterable[Line]) -> None:
-    """An object for each line, as it stands in the call log; what was printed has ``time`` and ``text``."""
+    """An object for each line, as it is in the call log; what was printed has ``time`` and ``text``."""
     for line in lines:
         told = line.record or {"time": stamp(line.at, 3), "text": line.text}
         console.raw(escaped_json(json.dumps({"log": line.log, **told}, ensure_ascii=False)))
@@ -103,7 +103,7 @@ _COLOURS = {
     "interrupted": "yellow",
 }
 NARROW = 100
-"""Columns of a terminal below which the date stands above the records of a day, not in each of them."""
+"""Columns of a terminal below which the date is above the records of a day, not in each of them."""
 LONGEST = 1000
 """A sentence is cut after so many characters; the log itself keeps texts short."""
 _DECISIONS = {"allow": "allowed", "refuse": "refused", "ask": "asked", "dry_run": "dry run"}
@@ -181,7 +181,7 @@ def _caller(record: Record) -> str:
 
 
 def _approval(record: Record) -> str:
-    """What a person had to do with the call, by what the client says of them and of itself."""
+    """What a person had to do with the call, by what the client reports of them and of itself."""
     asked = record["decision"] == "ask"
     if not asked and not record.get("answer"):
         return ""
@@ -297,7 +297,7 @@ def _rest(record: Record) -> str:
 
 
 def _moment(record: Record) -> str:
-    """The time to the second, RFC 3339; it is UTC, and says so."""
+    """The time to the second, RFC 3339; it is UTC, and states that."""
     stamp = one_line(str(record.get("time", "")), 30)
     return f"{stamp[:19]}Z" if stamp.endswith("Z") else stamp
 

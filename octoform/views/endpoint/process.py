@@ -194,7 +194,7 @@ def outcome(console: Console, done: Outcome, diagnostics: Sequence[Diagnostic], 
 
 
 def _lines(text: str) -> list[str]:
-    """The lines of a change, without the comma and line end that part it from what stands before."""
+    """The lines of a change, without the comma and line end that part it from what is before."""
     lines = [escape(line) for line in text.lstrip(",\r\n").rstrip().splitlines()]
     return [line if len(line) <= _WIDTH else line[:_WIDTH] + "…" for line in lines]
 

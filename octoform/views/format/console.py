@@ -30,7 +30,7 @@ class Console:
 
     @property
     def width(self) -> int:
-        """Columns of the terminal, at least 60; 160 where nobody looks."""
+        """Columns of the terminal, at least 60; 160 where no one looks."""
         return max(60, get_terminal_size((160, 24)).columns) if self.out.isatty() else 160
 
     def paint(self, text: str, *styles: str) -> str:
@@ -85,7 +85,7 @@ def broken(text: str, width: int) -> str:
 
 
 def _pieces(lead: str, text: str, width: int, hang: str) -> list[str]:
-    """The lines of a text behind ``lead``; the spaces between two words of a line stay as they are."""
+    """The lines of a string behind ``lead``; the spaces between two words of a line stay as they are."""
     lines, used, empty = [lead], _seen(lead), True
     for gap, word in _WORD.findall(text):
         parts = [word]
@@ -104,7 +104,7 @@ def _pieces(lead: str, text: str, width: int, hang: str) -> list[str]:
 
 
 def _seen(text: str) -> int:
-    """How many columns a text takes that may be painted."""
+    """How many columns a string takes that may be painted."""
     return len(_PAINT.sub("", text))
 
 

@@ -50,7 +50,7 @@ def summary(items: Sequence[Diagnostic]) -> str:
 
 
 class _Paint:
-    """Colours a text, or leaves it as it is."""
+    """Colours a string, or leaves it as it is."""
 
     def __init__(self, colour: bool) -> None:
         self._colour = colour
@@ -116,7 +116,7 @@ def _window(cells: list[str], start: int, end: int, width: int) -> tuple[int, in
 
 
 def _columns(text: str) -> int:
-    """How many columns of a terminal a text takes."""
+    """How many columns of a terminal a string takes."""
     return sum(_width(char) for char in text)
 
 

@@ -42,7 +42,7 @@ def document(console: Console, value: Mapping[str, object]) -> int:
 
 
 def plain(console: Console, text: str) -> int:
-    """A text as it is."""
+    """A string as it is."""
     console.out.write(text)
     return 0
 

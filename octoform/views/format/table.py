@@ -12,7 +12,7 @@ LEAST_LAST = 24
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """One column; ``goes`` tells which is left out first where room is short (0: never), ``most`` cuts its cells."""
+    """One column; ``goes`` shows which is omitted first where room is short (0: never), ``most`` cuts its cells."""
 
     head: str
     right: bool = False
