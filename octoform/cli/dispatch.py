@@ -44,6 +44,7 @@ GROUPS = {
 def dispatch(argv: Sequence[str]) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
     screen = console.for_process()
+    _only_absolute_programs()
     try:
         with orderly():
             arguments = parse(argv)
@@ -64,6 +65,14 @@ def dispatch(argv: Sequence[str]) -> int:
         # Whoever read the output is gone; there is nobody left to tell, and Python must not try again at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 1
+
+
+def _only_absolute_programs() -> None:
+    """A folder in PATH that has no root is one of the project's, where an agent may have left another ``git``."""
+    words = os.environ.get("PATH", "").split(os.pathsep)
+    absolute = [word for word in words if Path(word).is_absolute()]
+    if absolute != words and absolute:
+        os.environ["PATH"] = os.pathsep.join(absolute)
 
 
 def command_of(name: str) -> Callable[[Namespace, Path, console.Console], int]:

@@ -343,6 +343,22 @@ def test_what_cannot_be_undone_ends_the_stage_and_all_else_is_undone(attacked: A
     assert not (project.folder / "state" / "other").exists()
 
 
+@pytest.mark.parametrize("path", [".:", ":", "tools:"])
+def test_a_program_that_an_agent_leaves_in_a_relative_folder_of_path_is_never_called(
+    attacked: Attacked, path: str
+) -> None:
+    project = attacked.project
+    project.environ["PATH"] = path + project.environ["PATH"]
+    program = f"#!/bin/sh\\ntouch {attacked.mark}\\n"
+    act = f'mkdir -p {{0}}/tools; for place in . tools; do printf "{program}" > {{0}}/$place/git; '
+    act += "chmod +x {0}/$place/git; done"
+    project.script = {"probe": [{"shell": act.format(project.folder)}, "good"]}
+    project.apply("-target", "probe", status=0)
+    assert os.access(project.folder / "tools" / "git", os.X_OK)
+    project.run("plan")
+    assert not attacked.mark.exists()
+
+
 def test_a_name_that_is_no_text_is_told_and_taken_away(attacked: Attacked) -> None:
     project = attacked.project
     odd = r"$(printf 'x\377\033[31m\342\200\256.md')"
