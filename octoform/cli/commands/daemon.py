@@ -70,12 +70,11 @@ def run_status(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.views.daemon import status as status_view
 
     found = status(project, os.environ)
-    if found.sync is None:
-        return problems.show(screen, found.diagnostics, as_json=arguments.json)
     surveyed, trouble = survey(project, os.environ)
     if surveyed is None:
-        return problems.show(screen, trouble, as_json=arguments.json)
-    return status_view.status(screen, found, surveyed, as_json=arguments.json)
+        return problems.show(screen, found.diagnostics if found.sync is None else trouble, as_json=arguments.json)
+    view = status_view.uncompared if found.sync is None else status_view.status
+    return view(screen, found, surveyed, as_json=arguments.json)
 
 
 def run_health(arguments: Namespace, project: Path, screen: Console) -> int:

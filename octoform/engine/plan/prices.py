@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 
 from octoform.apply.stage.assignment import UNMEASURED
-from octoform.diagnostics import Diagnostic, error, warning
+from octoform.base import files
+from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness.llm.token_prices import OLD_DAYS, OWNERS, age_days, price_of
 from octoform.harness.port import Price
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
@@ -30,7 +31,7 @@ def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None =
         if price is None:
             summary = f"budget.usd is set, and no one knows what {model} costs"
             hint = f"add it to octopus.yaml: prices: {{{model}: {{input: ..., output: ...}}}}, or take `usd` out"
-            found.append(error("APPLY-PRICE-UNKNOWN", summary, hint=hint))
+            found.append(error("APPLY-PRICE-UNKNOWN", summary, hint=hint, **_where(manifest, model)))
             continue
         days = age_days(price, datetime.now(UTC).date())
         if days is not None and days > OLD_DAYS:
@@ -39,6 +40,24 @@ def unpriced(manifest: Manifest, environ: Mapping[str, str], plan: Plan | None =
                 warning("PLAN-PRICE-OLD", summary, hint=f"look it up: prices: {{{model}: ...}} in octopus.yaml")
             )
     return found
+
+
+def _where(manifest: Manifest, model: str) -> dict[str, object]:
+    """The place in the manifest that names the model; none where a variable does."""
+    try:
+        lines = files.read(manifest.path).decode().splitlines()
+    except (OSError, ValueError):  # it was read a moment ago, and may be another by now
+        return {}
+    for number, line in enumerate(lines, 1):
+        before, found, _ = line.partition(model)
+        if found and before.rstrip(" \"'").endswith("model:"):
+            column = len(before) + 1
+            return {
+                "path": str(manifest.path),
+                "span": Span(number, column, column + len(model)),
+                "source": line,
+            }
+    return {"path": str(manifest.path)}
 
 
 def calling(plan: Plan) -> set[str]:

@@ -2,16 +2,18 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from octoform.base.escaping import escaped_json
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
+from octoform.diagnostics import to_json
 from octoform.engine.project_status import Process, Status
 from octoform.views import plan_text as plan_text
 from octoform.views.daemon.event_log import EXIT, STYLES, named
 from octoform.views.format.console import Console
+from octoform.views.format.problems import show
 from octoform.views.format.values import one_line
 
 WIDTH = 150
@@ -51,6 +53,24 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
         told = console.paint("emergency stop", "red")
         console.wrapped(f"  {told} ", one_line(_estop(found.process.estop), WIDTH), indent=4)
     return code
+
+
+def uncompared(console: Console, found: Status, surveyed: Survey, *, as_json: bool) -> int:
+    """Nothing can be planned, and so nothing compared; how the deployment is can be told all the same.
+
+    Exit code 1, or that of ``health`` where it is not healthy.
+    """
+    verdict, host, reasons = surveyed.health.status, surveyed.health.host, _reasons(found, surveyed)
+    if as_json:
+        document = _document(replace(found, host=host), surveyed, reasons)
+        document["diagnostics"] = [to_json(item) for item in found.diagnostics]
+        console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
+    else:
+        show(console, found.diagnostics)
+        console.line(f"host {host}: not compared, {console.paint(str(verdict), STYLES[verdict])}")
+        for reason in reasons:
+            console.wrapped("  ", one_line(reason, WIDTH), indent=4)
+    return EXIT[verdict] or 1
 
 
 def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:

@@ -51,6 +51,7 @@ def test_a_model_that_no_table_knows_is_refused_before_anything_is_started(
     assert main([f"-chdir={tmp_path}", command]) == 1
     told = capsys.readouterr()
     assert "APPLY-PRICE-UNKNOWN" in told.out + told.err and "prices: {anthropic/nobody-knows-1" in told.out + told.err
+    assert "octopus.yaml:4:8\n" in told.out + told.err, "the line that names the model"
     project(tmp_path, "anthropic/nobody-knows-1", "prices: {anthropic/nobody-knows-1: {input: 1, output: 2}}\n")
     assert main([f"-chdir={tmp_path}", command]) == 0
 
