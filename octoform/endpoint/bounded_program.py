@@ -10,7 +10,7 @@ import os
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
@@ -160,10 +160,10 @@ def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
     return clear(mark)
 
 
-def clear(mark: str, variable: str = MARK, *, spared: int | None = None) -> int:
+def clear(mark: str, variable: str = MARK, *, spared: Collection[int] = ()) -> int:
     """Kill every process that bears the mark, ``spared`` omitted; how many there were."""
     killed: set[int] = set()
-    while found := [pid for pid in marked(mark, variable) if pid not in killed and pid != spared]:
+    while found := [pid for pid in marked(mark, variable) if pid not in killed and pid not in spared]:
         for pid in found:
             processes.signal_one(pid, processes.start_of(pid))
             killed.add(pid)

@@ -162,7 +162,7 @@ def read_policy(layout: Layout) -> dict[str, Any] | None:
 
 
 def describe_closed(refused: Mapping[str, str]) -> str:
-    """One sentence on a node as `octoform.runtime.rights.refused` tells of it, with the command that helps."""
+    """One sentence on a node as `octoform.runtime.where.refused` tells of it, with the command that helps."""
     return (
         f"this user may not {refused['lacks']} {refused['node']} (mode {refused['mode']}, group {refused['group']}): "
         f"{refused['remedy']}"

@@ -1,8 +1,8 @@
 """What every generated server stands on: find a device, hold its lock, log the call. Standard library only.
 
 How the kernel, a line and a bus are talked to is here as well, in modules of their own: `channels`, `counting`,
-`evdev`, `gpio`, `lines`, `nmea`, `registers`, `units`, `v4l2`. What a device may be asked to do is not: that is
-knowledge, and is in the server.
+`evdev`, `gpio`, `lines`, `nmea`, `registers`, `units`, `v4l2`; `child` calls what needs a heavy library. What a device
+may be asked to do is not: that is knowledge, and is in the server.
 
 Copied beside each server as the package ``runtime``, so it imports nothing of octoform and runs on Python 3.10. Rules
 that the core applies too lie in `base`: links to files of octoform's base, of which the copy gets the text. The
@@ -11,7 +11,7 @@ OCTOFORM_CALL_LOG (the call log; standard error without it), OCTOFORM_STOPS (the
 stopped; without it a stop ends with its process), OCTOFORM_SYSROOT (the root of /sys, /proc and /dev).
 """
 
-from . import channels, counting, evdev, gpio, lines, nmea, registers, units, v4l2
+from . import channels, child, counting, evdev, gpio, lines, nmea, registers, units, v4l2
 from .calllog import logged
 from .devices import Bus, Device, bus, device
 from .faults import AmbiguousDevice, BusBusy, DeviceAbsent, DeviceFault, sentence
@@ -37,6 +37,7 @@ __all__ = [
     "DeviceFault",
     "bus",
     "channels",
+    "child",
     "counting",
     "device",
     "evdev",

@@ -169,7 +169,7 @@ def _execute(path: Path, source: bytes) -> Any:
         exec(compile(source, str(path), "exec"), module.__dict__)
         if "runtime" in sys.modules:
             with suppress(ImportError):  # who looks at devices asks for it later, when bytecode goes beside the code
-                importlib.import_module("runtime.rights")
+                importlib.import_module("runtime.where")
     finally:
         sys.pycache_prefix = None
     found = [value for value in module.__dict__.values() if isinstance(value, FastMCP)]

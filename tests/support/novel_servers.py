@@ -260,3 +260,42 @@ RIGHT: dict[str, Any] = {
         "    raise ToolError('never')",
     ),
 }
+SHOT = """
+def shot(node):
+    import cv2
+
+    camera = cv2.VideoCapture({place})
+    try:
+        {taken}
+    finally:
+        camera.release()
+    return cv2.imencode(".png", frame)[1].tobytes(), float(frame.mean()), float(frame.var())
+"""
+TOLD = """
+{lock}
+    data, mean, variance = runtime.child.call(shot, runtime.device(device).node("video4linux"))
+facts = {{"width": 1, "height": 1, "format": "png", "size_bytes": len(data), "mean": mean, "variance": variance}}
+return ToolResult(content=[Image(data=data, format="png")], structured_content=facts)
+"""
+LOCKED = TOLD.format(lock="with runtime.bus(device):")
+
+
+def shot(place: str = "node", taken: str = FLUSHED) -> str:
+    return SHOT.format(place=place, taken=taken)
+
+
+RIGHT["a picture by a process of its own"] = picture(LOCKED, shot())
+WRONG |= {
+    "child: without the lock": picture(TOLD.format(lock="if device:"), shot()),
+    "child: the first camera": picture(LOCKED, shot(place="0")),
+    "child: the first picture": picture(LOCKED, shot(taken="frame = camera.read()[1]")),
+    "child: a camera that is kept": picture(
+        LOCKED,
+        shot()
+        .replace("def shot(node)", "KEPT = []\n\n\ndef shot(node)")
+        .replace("    try:", "    KEPT.append(camera)\n    try:", 1),
+    ),
+    "child: an asynchronous tool that waits for it": all_of(
+        picture(LOCKED, shot()), swap("def capture_image(", "async def capture_image(")
+    ),
+}

@@ -8,7 +8,7 @@ import os
 import signal
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
@@ -42,6 +42,7 @@ START_THREADS = 8
 """Threads of a process that serves, before the first call."""
 PUBLISHED_BYTES = 4 * 1024 * 1024
 """What publishing an endpoint takes, copies included."""
+KEPT_CHILD = "runtime-child"
 _STEP = 0.02
 
 
@@ -134,10 +135,24 @@ def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
 
 
 def clear_left(process: Running, *, spare: bool = False) -> int:
-    """End what the tools of an endpoint left running, and with ``spare`` not the endpoint; how many there were."""
+    """End what the tools of an endpoint left running, and with ``spare`` not the endpoint; how many there were.
+
+    The children of the runtime, which it keeps for the next call and which end by themselves, are a part of it.
+    """
     from octoform.endpoint.bounded_program import clear  # here, so that a client's pipe does not load it
 
-    return clear(process.mark, MARK, spared=process.pid if spare else None) if process.mark else 0
+    spared = {process.pid, *_kept_children(process.pid)} if spare else ()
+    return clear(process.mark, MARK, spared=spared) if process.mark else 0
+
+
+def _kept_children(pid: int) -> list[int]:
+    """The children of a process that have the name of those that the runtime keeps (`octoform.runtime.child`)."""
+    found = []
+    for listed in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):  # a thread, or a child, that has ended meanwhile
+            pids = [int(each) for each in listed.read_text().split()]
+            found += [each for each in pids if Path(f"/proc/{each}/comm").read_text().strip() == KEPT_CHILD]
+    return found
 
 
 def is_stopped(pid: int) -> bool:

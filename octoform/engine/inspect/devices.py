@@ -31,7 +31,7 @@ WHERE_SECONDS = 30.0
 class Attached:
     """Where a device is now: ``port`` and ``nodes``; ``doubt`` is why it is absent, or why nothing is moved with it.
 
-    ``refused`` are the nodes that this user may not use, as `octoform.runtime.rights.refused` tells them.
+    ``refused`` are the nodes that this user may not use, as `octoform.runtime.where.refused` tells them.
     """
 
     attached: bool

@@ -141,10 +141,10 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
 def _is_closed(runtime: ModuleType, device: str) -> bool:
     """True when this user may not use a node of the device; False as well where that cannot be determined."""
     try:
-        rights = importlib.import_module("runtime.rights")
+        where = importlib.import_module("runtime.where")
         kinds = {str(node["class"]) for node in _instances()[device]["nodes"]}
         found = runtime.device(device)
-        return bool(rights.refused([(kind, node) for kind in kinds for node in found.nodes(kind)]))
+        return bool(where.refused([(kind, node) for kind in kinds for node in found.nodes(kind)]))
     except (ImportError, OSError, ValueError, LookupError, AttributeError, TypeError, runtime.DeviceFault):
         return False
 

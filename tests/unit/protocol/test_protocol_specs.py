@@ -122,7 +122,7 @@ def test_the_signatures_that_serve_is_told_are_those_of_the_runtime() -> None:
         named = [item for item in parameters.values() if item.name != "self" and item.kind is not item.VAR_POSITIONAL]
         given = [item.default for item in named if item.default is not item.empty]
         real[name] = [item.name for item in named], given, next((n for n, i in parameters.items() if i.kind == 2), None)
-    assert told == real and len(told) == 10
+    assert told == real and len(told) == 11
 
 
 def test_the_server_of_serves_example_keeps_the_interface_of_interfaces_example() -> None:

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from octoform.runtime.rights import Account, Node, refused, remedy
+from octoform.runtime.where import Account, Node, refused, remedy
 
 ANA = Account("ana", groups=frozenset({1000}), listed=frozenset({1000}))
 JOINED = Account("ana", groups=frozenset({1000}), listed=frozenset({1000, 20}))

@@ -245,7 +245,9 @@ def _exposed(source: Source) -> set[str]:
     for caller, name, locked in _references(source, known):
         entries[name].append((caller, locked))
     exposed = {function.name for function in source.functions if function.decorator_list and _is_root(source, function)}
-    exposed |= {name for name, callers in entries.items() if not callers}
+    # A method may be entered by what calls it for the language; a function of the module that nothing names is dead.
+    methods = {item.name for item in source.functions if not isinstance(source.parents.get(item), ast.Module)}
+    exposed |= {name for name, callers in entries.items() if not callers and name in methods}
     while True:
         more = {
             name

@@ -20,7 +20,7 @@ from octoform.diagnostics import Diagnostic
 _ELSEWHERE = re.compile(
     r"subprocess\.\w+|asyncio\.create_subprocess_exec|asyncio\.open_connection|socket\.(?:socket|create_connection)"
     r"|urllib\.request\.\w+|http\.client\.\w+|(?:requests|httpx|aiohttp)\..+"
-    r"|runtime\.(?:channels|counting|evdev|gpio|lines|movement|nmea|registers|units|v4l2)\.\w+"
+    r"|runtime\.(?:channels|counting|evdev|gpio|lines|movement|nmea|registers|units|v4l2|child)\.\w+"
 )
 """What reaches a device: programs, the network, modules of the runtime that are given it."""
 _CHANGES_TEXT = frozenset(

@@ -77,7 +77,7 @@ _BLOCKING = re.compile(
     r"|os\.(?:system|popen|wait|wait3|wait4|waitpid)|socket\.create_connection|input|signal\.(?:pause|sigwait)"
     r"|urllib\.request\.urlopen|(?:requests|httpx)\.(?:get|head|post|put|patch|delete|request)"
     r"|serial\.(?:.*\.)?(?:Serial|serial_for_url)|cv2\.VideoCapture"
-    r"|runtime\.evdev\.(?:events|rumble)|runtime\.nmea\.sentences"
+    r"|runtime\.evdev\.(?:events|rumble)|runtime\.nmea\.sentences|runtime\.child\.call"
 )
 
 
