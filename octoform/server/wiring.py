@@ -33,8 +33,9 @@ from .process.stderr_log import say
 from .transport.unix_socket import LocalClients
 
 if TYPE_CHECKING:
+    from octoform.server.tunnel_process import Tunnel
+
     from .transport.http import Web
-    from .tunnel.tunnel_process import Tunnel
 
 
 # What the endpoint says of itself when a client connects: whose hardware it is, and how to deal with it.
@@ -178,7 +179,7 @@ class Endpoint:
         return doors
 
     def _dig(self, web: "Web", local_url: str) -> None:
-        from .tunnel.tunnel_process import Tunnel
+        from octoform.server.tunnel_process import Tunnel
 
         assert self._descriptor.tunnel is not None
         command, run = self._descriptor.tunnel["command"], self._descriptor.run

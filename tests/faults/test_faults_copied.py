@@ -19,9 +19,9 @@ from octoform.base import place, processes
 from octoform.base.place import KEY, place_of
 from octoform.endpoint.process.record import running
 from octoform.harness.containment import orphans
+from octoform.server import tunnel_termination
 from octoform.server.process.instance_lock import Owner
 from octoform.server.transport import addresses
-from octoform.server.tunnel import termination
 from octoform.state import lock_holder
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Lock, acquire
@@ -267,8 +267,8 @@ def test_agents_and_tunnels_of_the_original_are_none_of_the_copys(tmp_path: Path
     run = tmp_path / "run"
     run.mkdir()
     record = {"pid": 1, "start": 1, "boot": "b", "instance": "i", "mark": "m", "url": None}
-    termination.publish(run, record)
-    assert termination.read(run) is not None and termination.read(copied(run)) is None
+    tunnel_termination.publish(run, record)
+    assert tunnel_termination.read(run) is not None and tunnel_termination.read(copied(run)) is None
     attempt = tmp_path / "attempt"
     attempt.mkdir()
     orphans.write(attempt, orphans.Record(processes.new(), 1, 1))

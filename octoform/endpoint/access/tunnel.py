@@ -48,7 +48,7 @@ def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]
     private_folder(layout.run)
     told = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
     # In isolated mode, by the module's name: the launcher is no part of the core, and its word is read as text.
-    command = [sys.executable, "-I", "-m", "octoform.server.tunnel.termination", str(layout.run)]
+    command = [sys.executable, "-I", "-m", "octoform.server.tunnel_termination", str(layout.run)]
     try:
         done = subprocess.run(command, capture_output=True, text=True, timeout=PROOF_SECONDS, check=False)
         found = parse(done.stdout)

@@ -34,7 +34,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 from octoform.server.execution.result_size import at_least
 from octoform.server.process.descriptor import Descriptor
 from octoform.server.process.stderr_log import Throttle
-from octoform.server.tunnel.termination import INSTANCE_HEADER
+from octoform.server.tunnel_termination import INSTANCE_HEADER
 
 from .addresses import Listening, listen
 from .authentication import Open, Tokens, Verifier

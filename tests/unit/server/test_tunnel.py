@@ -16,9 +16,9 @@ import pytest
 from web_doors import ALL, INSTANCE, Door, door, until, write_tokens
 
 from octoform.base.clock import boot_id
-from octoform.server.tunnel import termination
-from octoform.server.tunnel import tunnel_process as tunnel
-from octoform.server.tunnel.tunnel_process import Tunnel, public_address
+from octoform.server import tunnel_process as tunnel
+from octoform.server import tunnel_termination
+from octoform.server.tunnel_process import Tunnel, public_address
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
 LOCAL = "http://127.0.0.1:7777"
@@ -66,8 +66,8 @@ def opened(folder: Path, *options: str, command: Sequence[str] | None = None) ->
 
 
 def alive(run: Path) -> list[int]:
-    record = termination.read(run)
-    return [] if record is None else list(termination.members(record))
+    record = tunnel_termination.read(run)
+    return [] if record is None else list(tunnel_termination.members(record))
 
 
 @pytest.fixture(autouse=True)
@@ -80,22 +80,22 @@ def test_refusal_through_the_tunnel_is_an_answer(tmp_path: Path) -> None:
         url = found.url
         found.door.web.published(None)
         assert found.door.ask("GET", "/health", headers={"Host": url.removeprefix("http://")})[0] == 421
-        assert termination.answers(url, INSTANCE)
-        assert not termination.answers(url, "of-another-start")
+        assert tunnel_termination.answers(url, INSTANCE)
+        assert not tunnel_termination.answers(url, "of-another-start")
 
 
 @pytest.mark.parametrize("options", [(), ("--child",)])
 def test_public_address_leads_here_until_it_is_revoked(tmp_path: Path, options: tuple[str, ...]) -> None:
     with opened(tmp_path, *options) as found:
         url = found.url
-        assert termination.answers(url, INSTANCE)
+        assert tunnel_termination.answers(url, INSTANCE)
         assert json.loads((found.run / "tunnel.json").read_text())["url"] == url
         assert len(alive(found.run)) == 2 + len(options)
         proof = found.tunnel.revoke()
         assert (proof.proved, proof.was_running, proof.process_gone) == (True, True, True)
         assert (proof.answered_before, proof.answers, proof.url) == (True, False, url)
         assert not alive(found.run)
-        assert not termination.answers(url, INSTANCE)
+        assert not tunnel_termination.answers(url, INSTANCE)
         until(lambda: found.tunnel.status()["state"] == "revoked")
         time.sleep(tunnel.LOOK_SECONDS * 3)
         assert (found.tunnel.status()["starts"], alive(found.run)) == (1, [])
@@ -109,25 +109,25 @@ def test_public_address_leads_here_until_it_is_revoked(tmp_path: Path, options: 
 def test_worker_that_left_the_group_and_its_parent_is_ended(tmp_path: Path, options: tuple[str, ...]) -> None:
     with opened(tmp_path, *options) as found:
         url = found.url
-        assert termination.answers(url, INSTANCE)
-        record = termination.read(found.run)
+        assert tunnel_termination.answers(url, INSTANCE)
+        record = tunnel_termination.read(found.run)
         assert record is not None
         workers = [pid for pid in alive(found.run) if os.getpgid(pid) != record["pid"]]
         assert len(workers) == 1
         proof = found.tunnel.revoke()
         assert (proof.proved, proof.process_gone, proof.known, proof.answers) == (True, True, True, False)
-        assert termination._stat(workers[0]) is None
+        assert tunnel_termination._stat(workers[0]) is None
 
 
 def test_worker_apart_goes_with_its_server_and_does_not_outlive_it(tmp_path: Path) -> None:
     with opened(tmp_path, "--apart") as found:
         url = found.url
-    assert not termination.answers(url, INSTANCE)
+    assert not tunnel_termination.answers(url, INSTANCE)
 
 
 def test_what_another_start_left_behind_is_ended_first(tmp_path: Path) -> None:
     (tmp_path / "run").mkdir()
-    environment = {**os.environ, termination.MARK: "f" * 16}
+    environment = {**os.environ, tunnel_termination.MARK: "f" * 16}
     left = subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"], env=environment)
     try:
         record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "f" * 16, "instance": "before", "url": None}
@@ -146,10 +146,10 @@ def test_refusal_through_a_tunnel_that_filters_headers_is_an_answer_too(
 ) -> None:
     with opened(tmp_path, *options) as found:
         url = found.url
-        assert termination.answers(url, INSTANCE)
+        assert tunnel_termination.answers(url, INSTANCE)
         found.door.web.published(None)
-        assert termination.answers(url, INSTANCE)
-        assert not termination.answers(url, "of-another-start")
+        assert tunnel_termination.answers(url, INSTANCE)
+        assert not tunnel_termination.answers(url, "of-another-start")
 
 
 def gone_tunnel(run: Path, **more: object) -> None:
@@ -161,13 +161,13 @@ def gone_tunnel(run: Path, **more: object) -> None:
 
 def test_silence_of_an_address_that_was_never_heard_is_no_proof(tmp_path: Path) -> None:
     gone_tunnel(tmp_path)
-    proof = termination.revoke(tmp_path)
+    proof = tunnel_termination.revoke(tmp_path)
     assert (proof.process_gone, proof.answers, proof.known, proof.proved) == (True, False, False, False)
 
 
 def test_silence_of_an_address_that_was_heard_once_is_proof(tmp_path: Path) -> None:
     gone_tunnel(tmp_path, answered=True)
-    proof = termination.revoke(tmp_path)
+    proof = tunnel_termination.revoke(tmp_path)
     assert (proof.answered_before, proof.answers, proof.known, proof.proved) == (False, False, True, True)
 
 
@@ -177,9 +177,9 @@ def test_address_is_heard_while_the_tunnel_runs_and_that_stays_known(
     monkeypatch.setattr(tunnel, "HEAR_SECONDS", (0.01,) * 100)
     with opened(tmp_path) as found:
         assert found.url
-        until(lambda: bool((termination.read(found.run) or {}).get("answered")))
+        until(lambda: bool((tunnel_termination.read(found.run) or {}).get("answered")))
         found.tunnel.stop()
-        assert termination.revoke(found.run).proved
+        assert tunnel_termination.revoke(found.run).proved
 
 
 def test_revoked_tunnel_stays_so_until_it_is_allowed(tmp_path: Path) -> None:
@@ -190,7 +190,7 @@ def test_revoked_tunnel_stays_so_until_it_is_allowed(tmp_path: Path) -> None:
         until(lambda: found.tunnel.status()["state"] == "revoked")
         assert found.tunnel.status()["starts"] == 0
         (found.run / "tunnel-revoked.json").unlink()
-        assert termination.answers(found.url, INSTANCE)
+        assert tunnel_termination.answers(found.url, INSTANCE)
 
 
 def test_program_that_ends_is_started_again_at_a_new_address(tmp_path: Path) -> None:
@@ -200,8 +200,8 @@ def test_program_that_ends_is_started_again_at_a_new_address(tmp_path: Path) -> 
         os.kill(child, signal.SIGKILL)
         until(lambda: found.tunnel.status()["url"] not in (first, None))
         second = found.url
-        assert termination.answers(second, INSTANCE)
-        assert not termination.answers(first, INSTANCE)
+        assert tunnel_termination.answers(second, INSTANCE)
+        assert not tunnel_termination.answers(first, INSTANCE)
         assert found.urls == [first, None, second]
         # The name of the former address is nobody's any more.
         status, _, _ = found.door.ask("GET", "/health", headers={"Host": first.removeprefix("http://")})
@@ -241,7 +241,7 @@ def test_program_that_prints_without_end_is_read_and_not_kept(tmp_path: Path) ->
 
 
 def test_program_that_ignores_the_word_to_stop_is_killed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(termination, "GRACE_SECONDS", 0.3)
+    monkeypatch.setattr(tunnel_termination, "GRACE_SECONDS", 0.3)
     deaf = (
         "import signal, time\nsignal.signal(signal.SIGTERM, signal.SIG_IGN)\nprint('deaf', flush=True)\ntime.sleep(60)"
     )
@@ -251,7 +251,7 @@ def test_program_that_ignores_the_word_to_stop_is_killed(tmp_path: Path, monkeyp
 
 
 def test_address_that_goes_on_answering_is_no_proof(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(termination, "PROOF_SECONDS", 0.5)
+    monkeypatch.setattr(tunnel_termination, "PROOF_SECONDS", 0.5)
     with opened(tmp_path) as found:
         assert found.url
         record = json.loads((found.run / "tunnel.json").read_text())
@@ -274,7 +274,7 @@ def test_another_process_with_that_number_is_left_alone(tmp_path: Path) -> None:
             "url": None,
         }
         (tmp_path / "tunnel.json").write_text(json.dumps(record))
-        proof = termination.revoke(tmp_path)
+        proof = tunnel_termination.revoke(tmp_path)
         assert (proof.was_running, proof.process_gone, proof.proved) == (False, True, True)
         assert stranger.poll() is None
     finally:
@@ -283,14 +283,14 @@ def test_another_process_with_that_number_is_left_alone(tmp_path: Path) -> None:
 
 
 def test_nothing_was_ever_open(tmp_path: Path) -> None:
-    assert termination.revoke(tmp_path).proved
-    assert termination.forbidden(tmp_path)
+    assert tunnel_termination.revoke(tmp_path).proved
+    assert tunnel_termination.forbidden(tmp_path)
 
 
 SERVER = """
 import sys, time
 from pathlib import Path
-from octoform.server.tunnel.tunnel_process import Tunnel
+from octoform.server.tunnel_process import Tunnel
 made = Tunnel(sys.argv[2:], Path(sys.argv[1]), local_url="http://127.0.0.1:9", instance="i", changed=lambda url: None)
 made.start()
 time.sleep(120)
@@ -302,7 +302,7 @@ def test_killed_server_takes_the_tunnel_along(tmp_path: Path, options: tuple[str
     command = [sys.executable, "-c", textwrap.dedent(SERVER), str(tmp_path), sys.executable, PROGRAM, *options, "{url}"]
     server = subprocess.Popen(command, stderr=subprocess.DEVNULL)
     try:
-        until(lambda: bool((termination.read(tmp_path) or {}).get("url")))
+        until(lambda: bool((tunnel_termination.read(tmp_path) or {}).get("url")))
         assert len(alive(tmp_path)) == 2 + len(options)
     finally:
         server.kill()
@@ -316,7 +316,7 @@ def test_killed_warden_takes_the_tunnel_along(tmp_path: Path) -> None:
         warden = json.loads((found.run / "tunnel.json").read_text())["pid"]
         os.kill(warden, signal.SIGKILL)
         until(lambda: found.tunnel.status()["url"] not in (first, None))
-        assert not termination.answers(first, INSTANCE)
+        assert not tunnel_termination.answers(first, INSTANCE)
 
 
 QUICK = """

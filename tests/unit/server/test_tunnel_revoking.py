@@ -20,7 +20,7 @@ from octoform.base.processes import start_of
 from octoform.cli.main import main
 from octoform.endpoint.access import tunnel
 from octoform.engine.safety import person
-from octoform.server.tunnel import termination
+from octoform.server import tunnel_termination
 
 PROGRAM = str(Path(__file__).parents[2] / "support" / "local_tunnel.py")
 SOURCE = '''
@@ -52,12 +52,12 @@ def test_tunnel_is_ended_and_stays_so_until_a_person_starts_it(
     bench: Launched, capsys: pytest.CaptureFixture[str]
 ) -> None:
     url, instance = address(bench), bench.process.instance
-    assert termination.answers(url, instance)
+    assert tunnel_termination.answers(url, instance)
     assert main([f"-chdir={bench.layout.project}", "revoke"]) == 0
     out = capsys.readouterr().out
     assert "The tunnel was ended: no process of it lives" in out
     assert f"{url} no longer answers as this endpoint." in out
-    assert not termination.answers(url, instance)
+    assert not tunnel_termination.answers(url, instance)
     assert bench.ask("status")["tunnel"]["state"] == "revoked"
     # The endpoint itself goes on, and a start by a client does not open it again.
     bench.stop()
@@ -78,12 +78,12 @@ def test_tunnel_that_was_ended_before_is_looked_at_again(bench: Launched, capsys
 
 def test_killed_endpoint_takes_its_tunnel_along(bench: Launched, capsys: pytest.CaptureFixture[str]) -> None:
     url, instance = address(bench), bench.process.instance
-    until(lambda: bool((termination.read(bench.layout.run) or {}).get("answered")))
-    record = termination.read(bench.layout.run)
+    until(lambda: bool((tunnel_termination.read(bench.layout.run) or {}).get("answered")))
+    record = tunnel_termination.read(bench.layout.run)
     assert record is not None
     os.kill(bench.process.pid, signal.SIGKILL)
-    until(lambda: not list(termination.members(record)))
-    assert not termination.answers(url, instance)
+    until(lambda: not list(tunnel_termination.members(record)))
+    assert not tunnel_termination.answers(url, instance)
     assert main([f"-chdir={bench.layout.project}", "revoke"]) == 0
     assert "was not running" in capsys.readouterr().out
 

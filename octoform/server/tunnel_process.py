@@ -22,11 +22,10 @@ from urllib.parse import urlsplit
 
 from octoform.base import clock, processes
 from octoform.base.processes import start_of
+from octoform.server import tunnel_termination
 from octoform.server.process import instance_lock
 from octoform.server.process.stderr_log import say
-
-from . import termination
-from .termination import MARK, Proof
+from octoform.server.tunnel_termination import MARK, Proof
 
 FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
 STEADY_SECONDS = 60.0
@@ -41,7 +40,7 @@ _LINES_KEPT = 20
 _ADDRESS = re.compile(r"https?://[^\s|\"'`<>()\[\]{},;]+")
 _ESCAPES = re.compile(r"\x1b\[[0-9;?]*[A-Za-z]")
 _HOST = re.compile(r"[a-z0-9]([a-z0-9.-]*[a-z0-9])?")
-_WARDEN = Path(__file__).with_name("warden.py")
+_WARDEN = Path(__file__).with_name("tunnel_warden.py")
 
 
 class Tunnel:
@@ -66,7 +65,7 @@ class Tunnel:
 
     def start(self) -> None:
         """Start it and keep it; one that was revoked is reported as that from the first moment on."""
-        if termination.forbidden(self._run):
+        if tunnel_termination.forbidden(self._run):
             self._tell(*REVOKED)
         self._thread.start()
 
@@ -74,10 +73,10 @@ class Tunnel:
         """End it with the endpoint; the next start of the endpoint may start it again."""
         self._stopping.set()
         self._wake.set()
-        record = termination.read(self._run)
+        record = tunnel_termination.read(self._run)
         if record is not None and record["instance"] == self._instance:
-            termination.end(record)
-        self._thread.join(termination.GRACE_SECONDS)
+            tunnel_termination.end(record)
+        self._thread.join(tunnel_termination.GRACE_SECONDS)
 
     def status(self) -> Mapping[str, Any]:
         """``state`` (starting, running, not running, revoked), ``url``, ``since``, ``reason``, ``starts``."""
@@ -86,20 +85,20 @@ class Tunnel:
     def revoke(self) -> Proof:
         """End it at once and for good, with proof; takes up to some seconds."""
         with self._lock:
-            termination.forbid(self._run)
+            tunnel_termination.forbid(self._run)
         self._changed(None)
         self._wake.set()
-        proof = termination.revoke(self._run)
+        proof = tunnel_termination.revoke(self._run)
         self._tell(*REVOKED)
         return proof
 
     def _keep(self) -> None:
-        former = termination.read(self._run)
+        former = tunnel_termination.read(self._run)
         if former is not None and former["instance"] != self._instance:
-            termination.end(former)  # of a process that could not end it any more
+            tunnel_termination.end(former)  # of a process that could not end it any more
         delay = FIRST_DELAY
         while not self._stopping.is_set():
-            if termination.forbidden(self._run):
+            if tunnel_termination.forbidden(self._run):
                 self._tell(*REVOKED)
                 self._stopping.wait(LOOK_SECONDS)
                 delay = FIRST_DELAY
@@ -114,7 +113,7 @@ class Tunnel:
             delay = min(delay * 2, LONGEST_DELAY)
 
     def _over(self) -> bool:
-        return self._stopping.is_set() or termination.forbidden(self._run)
+        return self._stopping.is_set() or tunnel_termination.forbidden(self._run)
 
     def _once(self) -> None:
         """One run of the program, from its start to its end."""
@@ -132,11 +131,11 @@ class Tunnel:
             lines.append(line)
             if record["url"] is None:
                 self._look_for_address(line, record)
-        termination.end(record)
+        tunnel_termination.end(record)
         status = process.wait()
         _close(process)
         # The record stays: whoever revokes later looks whether that address is really silent.
-        termination.publish(self._run, {**record, "ended": clock.stamp()})
+        tunnel_termination.publish(self._run, {**record, "ended": clock.stamp()})
         self._changed(None)
         if not self._over():
             last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
@@ -169,12 +168,12 @@ class Tunnel:
                 "url": None,
                 "since": clock.stamp(),
             }
-            termination.publish(self._run, record)
+            tunnel_termination.publish(self._run, record)
             self._facts = {**self._facts, "starts": self._facts["starts"] + 1}
         self._tell("starting", "it has printed no address yet", since=record["since"])
-        if termination.forbidden(self._run):
+        if tunnel_termination.forbidden(self._run):
             # Revoked from outside of this process between the look and the start.
-            termination.end(record)
+            tunnel_termination.end(record)
         return process, record
 
     def _look_for_address(self, line: str, record: dict[str, Any]) -> None:
@@ -182,10 +181,10 @@ class Tunnel:
         if url is None:
             return
         with self._lock:
-            if termination.forbidden(self._run):
+            if tunnel_termination.forbidden(self._run):
                 return
             record["url"] = url
-            termination.publish(self._run, record)
+            tunnel_termination.publish(self._run, record)
             self._changed(url)
         self._tell("running", None, url=url, since=record["since"])
         threading.Thread(target=self._hear, args=(url, record), name="tunnel-heard", daemon=True).start()
@@ -195,11 +194,11 @@ class Tunnel:
         for pause in HEAR_SECONDS:
             if self._stopping.wait(pause) or self._facts["url"] != url:
                 return
-            if termination.answers(url, self._instance):
+            if tunnel_termination.answers(url, self._instance):
                 with self._lock:
                     if self._facts["url"] == url:
                         record["answered"] = True
-                        termination.publish(self._run, record)
+                        tunnel_termination.publish(self._run, record)
                 return
 
     def _tell(self, state: str, reason: str | None, *, url: str | None = None, since: str | None = None) -> None:

@@ -1,6 +1,6 @@
 """End the tunnel and find proof that it is gone. Standard library only; also a program, for when no process serves.
 
-    python -m octoform.server.tunnel.termination RUN-FOLDER
+    python -m octoform.server.tunnel_termination RUN-FOLDER
 
 Exactly what this host's endpoint started is ended: the leader, known by its pid, start time and boot, all that is below
 it or in its group, and whatever bears the leader's mark, in any group and under any parent. The

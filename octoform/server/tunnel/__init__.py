@@ -1,1 +1,0 @@
-"""The tunnel to the endpoint, watched and ended."""
