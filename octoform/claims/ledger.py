@@ -28,7 +28,7 @@ from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.state.files import shown
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 
 # What the ledger says when it does not do what it was asked, and when somebody has changed its files. Light.
 

@@ -35,7 +35,7 @@ from octoform.endpoint.published_files import LAUNCHER, POLICY
 from octoform.manifest.model import FILE_NAME, Daemon, Notify
 from octoform.state.files import foreign, refused
 from octoform.state.layout import Layout, is_left
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 
 # The daemon put together from its real parts: clocks, ears, looks, repairs, notifications. Light.
 

@@ -21,8 +21,7 @@ from octoform.engine.tools import layout_of
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME, Daemon
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, liveness, myself
-from octoform.state.store.lock import Holder, read_holder
+from octoform.state.store.lock import Holder, Liveness, liveness, myself, read_holder
 
 ALL = "all"
 

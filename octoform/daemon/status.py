@@ -42,7 +42,7 @@ from octoform.host import SYSROOT_VARIABLE
 from octoform.manifest.model import FILE_NAME
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 
 _LIMIT = 4_000_000
 _FULL = frozenset({Cause.START})

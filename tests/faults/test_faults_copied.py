@@ -22,8 +22,8 @@ from octoform.harness.containment import orphans
 from octoform.server import tunnel_termination
 from octoform.server.process.instance_lock import Owner
 from octoform.server.transport import addresses
-from octoform.state import lock_holder
 from octoform.state.layout import Layout
+from octoform.state.store import lock
 from octoform.state.store.lock import Lock, acquire
 
 
@@ -225,7 +225,7 @@ def test_a_run_keeps_its_lock_when_the_machine_gets_another_id(tmp_path: Path, m
     held = acquire(layout, "apply").lock
     assert isinstance(held, Lock)
     (tmp_path / "machine-id").write_text("0123456789abcdef0123456789abcdef\n")
-    for module in (place, lock_holder):
+    for module in (place, lock):
         monkeypatch.setattr(module, "_MACHINE_ID", tmp_path / "machine-id")
     with held:
         assert acquire(layout, "apply").lock is None

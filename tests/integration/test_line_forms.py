@@ -15,7 +15,7 @@ from projects import Project
 from rig.rail import DEVICE, HOST
 
 from octoform.endpoint.client.terminal import Wanted, call
-from octoform.simulation.ports import Port
+from octoform.simulation.rig import Port
 from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.dear

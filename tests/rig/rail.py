@@ -7,8 +7,8 @@ said.
 
 from pathlib import Path
 
-from octoform.simulation.ports import Port
 from octoform.simulation.rail_firmware import LineDevice
+from octoform.simulation.rig import Port
 
 HOST = "../rig/rail"
 """The board's text for ``plant``."""

@@ -20,7 +20,7 @@ from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, Process, from_json, liveness, myself, to_json
+from octoform.state.store.lock import Liveness, Process, from_json, liveness, myself, to_json
 
 FORMAT = 1
 LOCK = "daemon.lock"

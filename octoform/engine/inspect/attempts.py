@@ -28,8 +28,7 @@ from octoform.protocol.spec_loader import load as load_specs
 from octoform.state import attempts as records
 from octoform.state.attempts import AttemptRecord
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, liveness, myself
-from octoform.state.store.lock import Holder, read_holder
+from octoform.state.store.lock import Holder, Liveness, liveness, myself, read_holder
 
 RUNNING = "running"
 INTERRUPTED = "interrupted"

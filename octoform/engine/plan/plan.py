@@ -37,9 +37,8 @@ from octoform.state.artifact_cache import read_instances
 from octoform.state.files import write_atomic
 from octoform.state.git_repository import repository_facts
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, liveness, myself
 from octoform.state.model import Snapshot
-from octoform.state.store.lock import Holder, read_holder
+from octoform.state.store.lock import Holder, Liveness, liveness, myself, read_holder
 from octoform.state.store.store import StateStore
 
 # Which agents of a run no sandbox will hold, or one that lacks a wall: said before they run, and when the run ends.

@@ -10,7 +10,7 @@ from octoform.daemon.model import Kind
 from octoform.daemon.notices import advice, hint
 from octoform.daemon.store.backoff import Breaker
 from octoform.daemon.store.instance_lock import Record
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 from octoform.views.daemon import requests as control
 from octoform.views.format.console import Console
 

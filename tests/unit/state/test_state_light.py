@@ -9,7 +9,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
 LIGHT = (
-    *("layout", "files", "lock_holder", "store.quick_read", "store.journal", "store.lock"),
+    *("layout", "files", "store.quick_read", "store.journal", "store.lock"),
     *("accepted", "artifact_cache", "git_head"),
 )
 

@@ -14,8 +14,18 @@ import pytest
 
 from octoform.base.processes import start_of
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import Liveness, Process, liveness, myself
-from octoform.state.store.lock import Holder, Lock, Waiting, acquire, force_unlock, read_holder
+from octoform.state.store.lock import (
+    Holder,
+    Liveness,
+    Lock,
+    Process,
+    Waiting,
+    acquire,
+    force_unlock,
+    liveness,
+    myself,
+    read_holder,
+)
 
 
 def taken(layout: Layout, operation: str = "apply", waiting: Waiting | None = None) -> Lock:

@@ -13,7 +13,7 @@ from octoform.daemon.notices import Failing
 from octoform.daemon.status import Survey, Trouble
 from octoform.daemon.store.incidents import Episode, Try
 from octoform.daemon.store.instance_lock import Record
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 from octoform.views.daemon import event_log, requests
 from octoform.views.daemon import health as health_view
 from octoform.views.endpoint import logs

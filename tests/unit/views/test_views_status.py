@@ -14,7 +14,7 @@ from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
 from octoform.endpoint.process.record import Running
 from octoform.engine.project_status import Process, Status
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 from octoform.views.daemon import status as status_view
 from octoform.views.format.console import Console
 

@@ -30,7 +30,7 @@ from octoform.daemon.observe.process import Answering, ProcessEar
 from octoform.endpoint.process.record import Running, running
 from octoform.state.artifact_cache import write_instances
 from octoform.state.layout import Layout
-from octoform.state.lock_holder import myself
+from octoform.state.store.lock import myself
 
 DEVICE = "usb-1a86-55d3"
 AT_MOST = 20.0
