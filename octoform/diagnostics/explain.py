@@ -7,7 +7,7 @@ can hold codes and pages against each other.
 import re
 from importlib import resources
 
-from octoform.diagnostics.model import Diagnostic, did_you_mean, error
+from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 _PAGES = resources.files("octoform.diagnostics") / "pages"
 _CODE = re.compile(r"[A-Z][A-Z0-9]*(?:-[A-Z0-9]+)+")
