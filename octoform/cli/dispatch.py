@@ -54,7 +54,7 @@ def dispatch(argv: Sequence[str]) -> int:
                 problems.renamed(screen, arguments.renamed, " ".join(RENAMED[arguments.renamed]))
             if arguments.version:
                 return problems.version(screen)
-            return _run(arguments, screen)
+            return _printed(_run(arguments, screen), arguments, screen)
     except UsageError as problem:
         return problems.usage(screen, str(problem), problem.usage)
     except Stopped as stopped:
@@ -63,7 +63,7 @@ def dispatch(argv: Sequence[str]) -> int:
         return problems.interrupted(screen)
     except BrokenPipeError:
         # Whoever read the output is gone; there is nobody left to tell, and Python must not try again at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        _print_nowhere()
         return 1
 
 
@@ -98,6 +98,25 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
 
         return problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
     return status
+
+
+def _printed(status: int, arguments: Namespace, screen: console.Console) -> int:
+    """The exit status once all output is out; 1 where it could not be written, as on a full disk."""
+    try:
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as problem:
+        from octoform.state.os_errors import refusal
+
+        _print_nowhere()
+        return status or problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
+    return status
+
+
+def _print_nowhere() -> None:
+    """Python prints what is left when it ends, and must not be refused once more."""
+    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _project(arguments: Namespace, screen: console.Console) -> Path:
