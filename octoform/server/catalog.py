@@ -25,10 +25,10 @@ from mcp_types import (
 )
 
 from octoform.server.notifications import Changes
-from octoform.server.policy.tool_policy import Policy
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
 from octoform.server.resources import DEVICES, FRAMES, Frames, Resources
+from octoform.server.tool_policy import Policy
 
 # What a client is told about the tools: the same for everybody who may use them, in an order that never changes.
 #

@@ -24,7 +24,7 @@ from typing import Any, Protocol
 
 from octoform.server.audit.audit_log import Audit
 from octoform.server.latch import Estop, Latch
-from octoform.server.policy.tool_policy import Policy, StopAction
+from octoform.server.tool_policy import Policy, StopAction
 
 SECONDS = 2.0
 """What one stop action may take."""

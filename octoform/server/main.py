@@ -14,9 +14,9 @@ from typing import Any
 
 from octoform.base import files, processes
 from octoform.base.shortage import TEXT, limits, printed
+from octoform.server.tool_policy import PolicyInvalid
 
 from .audit.audit_log import AuditFailed
-from .policy.tool_policy import PolicyInvalid
 from .process.descriptor import Descriptor, RefusedError, digest_of, digest_of_file, read, untouched
 from .process.instance_lock import MARK, Owner
 from .process.stderr_log import Said, say

@@ -11,20 +11,20 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from octoform.base.clock import boot_id
+from octoform.server import tool_policy
 from octoform.server.catalog import offer
 from octoform.server.emergency_stop import ENDING, Emergency, Running
 from octoform.server.latch import Latch
+from octoform.server.limits import Ledger
 from octoform.server.resources import DEVICES, FRAMES
+from octoform.server.restrictions import CLAIMS_NAME as CLAIMS
+from octoform.server.restrictions import NAME as RESTRICTIONS
+from octoform.server.restrictions import WITNESS, Forbidden, Restrictions, Standing
 
 from .audit.audit_log import Audit, AuditFailed
 from .audit.chain import SEAL
 from .execution.watchdog import WATCHDOG
 from .gate.gate import Gate
-from .policy import tool_policy
-from .policy.limits import Ledger
-from .policy.restrictions import CLAIMS_NAME as CLAIMS
-from .policy.restrictions import NAME as RESTRICTIONS
-from .policy.restrictions import WITNESS, Forbidden, Restrictions, Standing
 from .process.control import Control
 from .process.descriptor import Descriptor
 from .process.instance_lock import Owner

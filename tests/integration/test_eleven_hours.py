@@ -32,8 +32,8 @@ from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
 from octoform.profiles.registers import RegisterGrammar
 from octoform.server.gate.tool_registry import Entries
-from octoform.server.policy.restrictions import Restrictions
-from octoform.server.policy.tool_policy import read
+from octoform.server.restrictions import Restrictions
+from octoform.server.tool_policy import read
 from octoform.state.layout import Layout
 
 DAY, HOUR, MINUTE = 86400.0, 3600.0, 60.0

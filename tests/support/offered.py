@@ -25,7 +25,7 @@ from mcp_types import (
 )
 
 from octoform.server.catalog import Offer, offer
-from octoform.server.policy.tool_policy import Mode, Policy, ToolPolicy
+from octoform.server.tool_policy import Mode, Policy, ToolPolicy
 
 ERAS = ("legacy", "auto")
 PICTURE = b"\x89PNG\r\n\x1a\n" + bytes(range(200))

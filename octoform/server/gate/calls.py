@@ -17,12 +17,12 @@ from fastmcp.server.dependencies import fastmcp_request_ctx
 from octoform.server.audit.audit_log import Audit, AuditFailed
 from octoform.server.execution.bus_queue import Holder
 from octoform.server.execution.work import Work
-from octoform.server.policy.limits import Ledger, beyond_words, is_number, outside
-from octoform.server.policy.tool_policy import Reports, ToolPolicy
+from octoform.server.limits import Ledger, beyond_words, is_number, outside
 from octoform.server.process import principal
 from octoform.server.process.local_socket import Client, client_of
 from octoform.server.process.principal import Principal
 from octoform.server.process.stderr_log import say
+from octoform.server.tool_policy import Reports, ToolPolicy
 
 from .argument_validation import NOTHING, Effective
 from .tool_registry import Entry

@@ -30,12 +30,12 @@ from octoform.server.execution.result_size import of_result
 from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
 from octoform.server.latch import Latch
-from octoform.server.policy.limits import Ledger
-from octoform.server.policy.restrictions import Restrictions
-from octoform.server.policy.tool_policy import Policy
+from octoform.server.limits import Ledger
 from octoform.server.process import principal
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.local_socket import client_of
+from octoform.server.restrictions import Restrictions
+from octoform.server.tool_policy import Policy
 
 from . import messages
 from .calls import Call, CallRefused, Records, held

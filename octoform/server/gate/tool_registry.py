@@ -20,9 +20,9 @@ from mcp_types import InputRequiredResult
 
 from octoform.server.execution.bus_queue import Bus
 from octoform.server.execution.work import current, guard
-from octoform.server.policy.restrictions import Subject
-from octoform.server.policy.tool_policy import Policy, ToolPolicy
 from octoform.server.process import principal
+from octoform.server.restrictions import Subject
+from octoform.server.tool_policy import Policy, ToolPolicy
 
 from .argument_validation import Check, Coerce, Effective, check, coercion
 

@@ -17,7 +17,7 @@ from octoform.claims.admission import DECLARATIONS, Proposal
 from octoform.claims.codec import evidence_of
 from octoform.claims.model import Claim, Condition, Reading, Restriction, Signal, State, holds, tighter
 from octoform.conditions import OPERATORS
-from octoform.server.policy.restrictions import Restrictions
+from octoform.server.restrictions import Restrictions
 
 SIGNALS = (heat(), load(), heat("gripper"))
 RESTRICTIONS = (STILL, Restriction("arm_home"), Restriction("arm_home", effect="confirm"), Restriction("arm_status"))

@@ -15,8 +15,8 @@ from octoform.manifest.model import Limit, Policy, Rule
 from octoform.profiles import Profile
 from octoform.profiles.match_rule import Rule as Evidence
 from octoform.profiles.model import Stop
-from octoform.server.policy import tool_policy as launcher
-from octoform.server.policy.limits import Ledger
+from octoform.server import tool_policy as launcher
+from octoform.server.limits import Ledger
 
 
 def tool(name: str = "move_joint", effect: str = "actuate", **more: Any) -> dict[str, Any]:

@@ -6,8 +6,8 @@ from typing import Any
 
 from gated import gated, tool_policy
 
-from octoform.server.policy import tool_policy as policies
-from octoform.server.policy.limits import Ledger
+from octoform.server import tool_policy as policies
+from octoform.server.limits import Ledger
 
 factor = 1
 

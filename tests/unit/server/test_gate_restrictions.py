@@ -11,7 +11,7 @@ from fastmcp.client.elicitation import ElicitResult
 from gated import MODES, Gated, gated, tool_policy
 
 from octoform.server.execution.bus_queue import Holder, release, take_free
-from octoform.server.policy.restrictions import NAME, WITNESS, Forbidden, Restrictions, Standing, Subject
+from octoform.server.restrictions import NAME, WITNESS, Forbidden, Restrictions, Standing, Subject
 
 moved: list[Any] = []
 

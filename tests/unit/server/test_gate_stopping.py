@@ -20,7 +20,7 @@ from octoform.server.audit.audit_log import Audit
 from octoform.server.emergency_stop import Emergency
 from octoform.server.execution.watchdog import Interrupted, Job, Workers
 from octoform.server.latch import Latch
-from octoform.server.policy.tool_policy import StopAction
+from octoform.server.tool_policy import StopAction
 
 STOP = b"STOP"
 RATE = {"kind": "rate", "calls": 1000, "seconds": 60.0, "source": "bench"}

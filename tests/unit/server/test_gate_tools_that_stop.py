@@ -12,7 +12,7 @@ from gated import Gated, gated
 
 from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy, Rule
-from octoform.server.policy import tool_policy
+from octoform.server import tool_policy
 
 begun, may_end = threading.Event(), threading.Event()
 log: list[str] = []

@@ -16,8 +16,8 @@ from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy
 from octoform.profiles import load
-from octoform.server.policy import tool_policy
-from octoform.server.policy.limits import Ledger
+from octoform.server import tool_policy
+from octoform.server.limits import Ledger
 
 (PROFILE,), _ = load([Path(__file__).parents[3] / "profiles" / "camera-rail.md"])
 LINES = {"rail_move_x": "MOVE_X {steps}", "rail_move_y": "MOVE_Y {steps}", "rail_home": "HOME"}

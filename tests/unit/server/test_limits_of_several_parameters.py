@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Limit, Policy
-from octoform.server.policy import tool_policy
-from octoform.server.policy.limits import Ledger, exact
+from octoform.server import tool_policy
+from octoform.server.limits import Ledger, exact
 
 BOUNDS = {"pan": (-40, 60), "lift": (0, 30), "grip": (-5, 5)}
 FARTHEST = {"pan": 100, "lift": 45, "grip": 12}

@@ -10,8 +10,8 @@ import pytest
 from ledgers import ARM, Bench, Clock
 
 from octoform.base.clock import boottime
-from octoform.server.policy.restrictions import LONGEST, NAME, Restrictions, Subject
-from octoform.server.policy.tool_policy import Units
+from octoform.server.restrictions import LONGEST, NAME, Restrictions, Subject
+from octoform.server.tool_policy import Units
 
 ENTRY: dict[str, Any] = {
     "claim": "c1",

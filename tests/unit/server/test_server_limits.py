@@ -15,8 +15,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from octoform.server.policy import tool_policy
-from octoform.server.policy.limits import Ledger, exact
+from octoform.server import tool_policy
+from octoform.server.limits import Ledger, exact
 
 RANGE = {
     "kind": "range",
@@ -449,7 +449,7 @@ def test_what_is_kept_is_what_was_counted(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int, bool]]
 ) -> None:
     """Through restarts, and through the file being written anew."""
-    monkeypatch.setattr("octoform.server.policy.counters._COMPACT_BYTES", 900)
+    monkeypatch.setattr("octoform.server.limit_counters._COMPACT_BYTES", 900)
     folder, time = tmp_path_factory.mktemp("kept"), Time()
     tools: dict[str, Any] = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
     found = ledger(folder, time, **tools)

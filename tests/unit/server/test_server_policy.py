@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from octoform.server.policy.tool_policy import Limit, PolicyInvalid, StopAction, parse, read, stop_actions
+from octoform.server.tool_policy import Limit, PolicyInvalid, StopAction, parse, read, stop_actions
 
 DOCUMENT: dict[str, Any] = {
     "format": 1,

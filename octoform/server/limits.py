@@ -16,8 +16,8 @@ from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
-from .counters import Counters, CountersUnwritable, Used
-from .tool_policy import Limit, Policy, ToolPolicy, Units
+from octoform.server.limit_counters import Counters, CountersUnwritable, Used
+from octoform.server.tool_policy import Limit, Policy, ToolPolicy, Units
 
 # What limits in time say of a call: rates, pauses between calls, quiet hours. An empty text lets it pass.
 

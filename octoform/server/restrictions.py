@@ -20,8 +20,7 @@ from typing import Any
 from octoform.base.clock import boot_id, boottime
 from octoform.base.files import read_json, record
 from octoform.server.process.stderr_log import say
-
-from .tool_policy import Units
+from octoform.server.tool_policy import Units
 
 NAME = "restrictions.json"
 FORMAT = 1

@@ -1,1 +1,0 @@
-"""What may be called, within which limits, and what of it is used up."""
