@@ -1,7 +1,5 @@
 """A stranger finds a module by its path: rooms of at most 16 modules, and names that are nouns of the field."""
 
-import ast
-import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable
 from pathlib import Path
@@ -9,8 +7,6 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2] / "octoform"
 MODULES = [path.relative_to(ROOT) for path in sorted(ROOT.rglob("*.py")) if path.stem not in ("__init__", "__main__")]
 MAX_MODULES = 16
-# Packages whose modules do not have the names of the field yet.
-UNNAMED: set[str] = set()
 # Words that end as a gerund and are the field's own nouns.
 NOUNS = {
     "binding",
@@ -42,8 +38,6 @@ SAME = {
     "tokens": {"base", "endpoint"},
     "watch": {"apply", "builtin"},
 }
-# A list of rooms in another test of the architecture.
-NAMED = re.compile(r"^OTHERS = ({.*})$", re.MULTILINE)
 # Suites below tests/unit that are of no package: a part of one, or of several.
 SUITES = {"hostile", "recordings", "support"}
 
@@ -70,15 +64,12 @@ def test_the_rule_sees_a_name_with_two_meanings() -> None:
     assert shared([("engine", "plan"), ("views", "plan"), ("plan", "plan"), ("a", "model"), ("b", "model")]) == {}
 
 
-def test_rooms_that_tests_name_are_there() -> None:
+def test_rooms_that_the_folders_of_tests_name_are_there() -> None:
     rooms = {path.parts[0] for path in MODULES if len(path.parts) > 1}
     folders = {path.parent.name for path in (ROOT.parent / "tests" / "unit").glob("*/*.py")}
     modules = {path.stem for path in MODULES}
     unknown = {name for name in folders - rooms - SUITES - modules if name.partition("_")[0] not in rooms}
     assert unknown == set()
-    text = (Path(__file__).parent / "test_words.py").read_text()
-    named = {word for found in NAMED.findall(text) for word in ast.literal_eval(found)}
-    assert named and named - rooms == set()
 
 
 def test_no_folder_has_more_than_16_modules() -> None:
@@ -87,8 +78,7 @@ def test_no_folder_has_more_than_16_modules() -> None:
 
 
 def test_modules_are_called_by_nouns() -> None:
-    named = [path for path in MODULES if path.parts[0] not in UNNAMED]
-    assert [path.as_posix() for path in named if path.stem.endswith("ing") and path.stem not in NOUNS] == []
+    assert [path.as_posix() for path in MODULES if path.stem.endswith("ing") and path.stem not in NOUNS] == []
 
 
 def test_each_path_of_the_architecture_leads_somewhere() -> None:
