@@ -51,6 +51,11 @@ class Source:
         return tuple((node, self.dotted(node.func)) for node in self.nodes if isinstance(node, ast.Call))
 
     @cached_property
+    def classes(self) -> tuple[ast.ClassDef, ...]:
+        """Every class, nested ones too."""
+        return tuple(node for node in self.nodes if isinstance(node, ast.ClassDef))
+
+    @cached_property
     def functions(self) -> tuple[Function, ...]:
         """Every function and method, nested ones too."""
         return tuple(node for node in self.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
@@ -60,12 +65,20 @@ class Source:
 
         Decorators and default values belong to the scope around their function: they run with it.
         """
-        below, above = node, self.parents.get(node)
-        while above is not None:
-            if isinstance(above, ast.FunctionDef | ast.AsyncFunctionDef) and below in above.body:
-                return above
-            below, above = above, self.parents.get(above)
-        return None
+        return self._owners[node]
+
+    @cached_property
+    def _owners(self) -> dict[ast.AST, Function | None]:
+        """The owner of every node: a parent comes before its children."""
+        found: dict[ast.AST, Function | None] = {}
+        for node in self.nodes:
+            above = self.parents.get(node)
+            if isinstance(above, ast.FunctionDef | ast.AsyncFunctionDef) and node in above.body:
+                found[node] = above
+            else:
+                # Contexts and operators are one object for many parents, of which the last counts.
+                found[node] = None if above is None else found.get(above)
+        return found
 
     def above(self, node: ast.AST) -> Iterator[tuple[ast.AST, ast.AST]]:
         """(ancestor, its child on the way down) up to the innermost function around ``node``."""

@@ -49,7 +49,7 @@ class Flow(Deciding):
     def __init__(self, source: Source, roots: frozenset[Function]) -> None:
         self._source, self._roots = source, roots
         self.bindings = Bindings(source)
-        self._classes = {item.name: item for item in source.nodes if isinstance(item, ast.ClassDef)}
+        self._classes = {item.name: item for item in source.classes}
         self._named: dict[str, list[Function]] = {}
         for function in source.functions:
             self._named.setdefault(function.name, []).append(function)

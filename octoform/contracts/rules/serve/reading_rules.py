@@ -58,6 +58,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool finds each of its devices through the runtime, and no other, and its result comes from there."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
+    placed = [source.owner(node) for node, _ in literal_places(source, flow)]
     out = []
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
@@ -67,7 +68,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         asked = [call for function in used for call in source.asking(function)]
         summary = _asks_wrongly(source, flow, asked, tool) or _names_another(source, roots, tool, artifacts)
         summary = summary or _falls_back(source, used, tool)
-        if any(source.owner(node) in used for node, _ in literal_places(source, flow)):
+        if any(owner in used for owner in placed):
             continue
         if summary is None and not _comes_from_there(source, flow, tool, roots, used, found=bool(asked)):
             what = "takes nothing from the device that it asks for" if asked else "never asks for its device"
@@ -149,7 +150,7 @@ def _raises(source: Source, statement: ast.stmt, entered: frozenset[str]) -> boo
 
 def _is_of_own(source: Source, call: ast.Call) -> bool:
     made = call.func.value if isinstance(call.func, ast.Attribute) else None
-    own = {item.name for item in source.nodes if isinstance(item, ast.ClassDef)}
+    own = {item.name for item in source.classes}
     return isinstance(made, ast.Call) and isinstance(made.func, ast.Name) and made.func.id in own
 
 
@@ -209,11 +210,13 @@ def _names_another(source: Source, roots: list[Function], tool: JsonObject, arti
 
 def _falls_back(source: Source, used: list[Function], tool: JsonObject) -> str | None:
     """What is wrong with a tool of several devices that goes on with one of them where the wanted one fails."""
+    if len(tool["devices"]) < 2:
+        return None
     for node in source.nodes:
-        handler = any(isinstance(above, ast.ExceptHandler) for above, _ in source.above(node))
         written = isinstance(node, ast.Constant) and node.value in tool["devices"]
-        given = isinstance(source.parents.get(node), ast.Call | ast.keyword)
-        if len(tool["devices"]) > 1 and handler and written and given and source.owner(node) in used:
+        given = written and isinstance(source.parents.get(node), ast.Call | ast.keyword)
+        handled = given and any(isinstance(above, ast.ExceptHandler) for above, _ in source.above(node))
+        if handled and source.owner(node) in used:
             return "goes on with another device where the one that the caller names fails"
     return None
 
