@@ -119,7 +119,7 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     starts = {room: names_in(room, at_start) for room in wanted.starts}
     home = (wanted.home, names_in(wanted.home)) if wanted.home else None
     seen, busy = listing(project), wanted.spared()
-    noted = {path: _look(path) for path in wanted.noted}
+    noted = {path: _look(path) for top in wanted.noted for path in (top, *_files(top))}
     held = _held((project, *sorted(place for place in real if place.parent == project)))
     ways = _ways(project, wanted, (*guarded, *rooms))
     rights = _rights({project, *real, *_in_home(wanted.home, guarded)})
@@ -383,6 +383,7 @@ def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
     now = listing(watch.project)
     new = (path for path, facts in now.items() if watch.seen.get(path) != facts and not path.is_relative_to(undone))
     changed = [path for path, before in watch.noted.items() if _look(path) != before]
+    changed += [path for top in watch.noted if top.is_dir() for path in _files(top) if path not in watch.noted]
     changed += sorted(path for path in new if path not in watch.guarded)
     if watch.home is not None:
         folder, names = watch.home

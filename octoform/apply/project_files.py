@@ -1,4 +1,4 @@
-"""Sizes and times of a project's files, by which a change is seen that is told and left, and what folders hold by name.
+"""Sizes and times of a project's files, by which a change is seen that is told and left; what folders and links hold.
 
 Of what other programs fill all the time, such as a repository, an environment or a cache, only that the folder is
 there: a person or a program may be at work in it.
@@ -6,12 +6,16 @@ there: a person or a program may be at work in it.
 
 import os
 import stat
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from itertools import chain, islice
 from pathlib import Path
 
 from octoform.base import files
 
 MOST_FILES = 5000
+_MOST_LINKED = 1000
+"""Entries of a folder that a link leads to; a larger one is no folder of instructions."""
+_MOST_HOPS = 8
 MAX_TOLD = 20
 """Names that a person reads."""
 _SKIPPED = frozenset((".git", ".octoform", "node_modules"))
@@ -77,3 +81,28 @@ def names_in(room: Path, counts: Callable[[str], bool] = is_entry) -> frozenset[
         return frozenset(path.name for path in room.iterdir() if counts(path.name))
     except OSError:
         return frozenset()
+
+
+def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
+    """What the links at a path, and those in a folder there, lead to: many people keep such files in a repository.
+
+    Not a folder that holds one of ``whole``, nor one that is too large.
+    """
+    found = [path] if path.is_symlink() else []
+    if path.is_dir():
+        found += [
+            place / name for place, *names in files.walk(path) for name in chain(*names) if (place / name).is_symlink()
+        ]
+    for link in found:
+        for _ in range(_MOST_HOPS):
+            link = Path(os.path.normpath(link.parent / link.readlink()))
+            if any(each.is_relative_to(link) for each in whole) or _is_large(link):
+                break
+            yield link
+            if not link.is_symlink():
+                break
+
+
+def _is_large(folder: Path) -> bool:
+    entries = (name for _, folders, names in files.walk(folder) for name in (*folders, *names))
+    return next(islice(entries, _MOST_LINKED, None), None) is not None

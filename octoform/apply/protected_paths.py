@@ -7,16 +7,19 @@ as long as none has been there; one that lives knows itself what it wrote.
 """
 
 import os
+import shutil
+import subprocess
 import sys
 import sysconfig
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import chain, islice
+from functools import partial
 from pathlib import Path
 
 import octoform
 from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
+from octoform.apply.project_files import led_to
 from octoform.base.files import opened, read, walk
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
@@ -90,6 +93,19 @@ _NOTED_OF_A_LOGIN = (
     *(f".config/Code/User/{name}.json" for name in ("settings", "mcp", "tasks")),
 )
 """Settings that name programs, and that the programs of a person write themselves: told, and left."""
+_NOTED_OF_THE_MACHINE = (
+    *("/etc/crontab", "/etc/cron.d", "/etc/cron.hourly", "/etc/cron.daily", "/etc/cron.weekly", "/var/spool/cron"),
+    *(
+        "/etc/profile",
+        "/etc/profile.d",
+        "/etc/bash.bashrc",
+        "/etc/environment",
+        "/etc/ld.so.preload",
+        "/etc/ld.so.conf.d",
+    ),
+    *("/etc/systemd/system", "/etc/systemd/user", "/etc/udev/rules.d", "/etc/sudoers", "/etc/sudoers.d"),
+)
+"""What root's agent could leave to be run; packages that are being installed change it as well: told, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
 _PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
@@ -132,9 +148,6 @@ _VARIABLES = (
     *("BASH_ENV", "ENV", "INPUTRC", "PYTHONSTARTUP"),
 )
 """Each names a file that the package tools go by, or that a shell or an interpreter of the person starts with."""
-_MOST_LINKED = 1000
-"""Entries of a folder that a link leads to; a larger one is no folder of instructions."""
-_MOST_HOPS = 8
 
 
 @dataclass(frozen=True, slots=True)
@@ -156,7 +169,7 @@ def sources(context: Context) -> Places:
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
     theirs = [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
     theirs += [project / name for name in _FOLDERS_OF_AGENTS]
-    led = [place for path in (*files, *theirs) for place in _led_to(path, (project, home(context.environ)))]
+    led = [place for path in (*files, *theirs) for place in led_to(path, (project, home(context.environ)))]
     files += [place for place in led if not place.is_dir()]
     folders += [*theirs, *(place for place in led if place.is_dir())]
     rooms = [project / ".octoform"]
@@ -176,29 +189,6 @@ def sources(context: Context) -> Places:
         folders += of_git.folders
         rooms += of_git.rooms
     return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
-
-
-def _led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
-    """What the links at a path, and those in a folder there, lead to: many people keep such files in a repository.
-
-    Not a folder that holds one of ``whole``, nor one that is too large.
-    """
-    found = [path] if path.is_symlink() else []
-    if path.is_dir():
-        found += [place / name for place, *names in walk(path) for name in chain(*names) if (place / name).is_symlink()]
-    for link in found:
-        for _ in range(_MOST_HOPS):
-            link = Path(os.path.normpath(link.parent / link.readlink()))
-            if any(each.is_relative_to(link) for each in whole) or _is_large(link):
-                break
-            yield link
-            if not link.is_symlink():
-                break
-
-
-def _is_large(folder: Path) -> bool:
-    entries = (name for _, folders, names in walk(folder) for name in (*folders, *names))
-    return next(islice(entries, _MOST_LINKED, None), None) is not None
 
 
 def home(environ: Mapping[str, str]) -> Path:
@@ -356,6 +346,7 @@ class Guard:
     """What lay there when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
 
     ``specs`` are those that come with octoform, ``installation`` is what tells one installation of it from another.
+    ``crontab`` lists what is run for the person by the clock, ``scheduled`` is what that was.
     """
 
     watch: file_integrity.Watch
@@ -364,6 +355,8 @@ class Guard:
     revision: str | None
     specs: frozenset[Path]
     installation: object
+    crontab: Callable[[], bytes]
+    scheduled: bytes
 
     def end(self, undone: Path) -> list[Diagnostic]:
         """Put back what was changed and say so; an empty list when the attempt kept to its folder.
@@ -380,7 +373,14 @@ class Guard:
         if _installation() == self.installation:
             # Nobody has brought it up to date meanwhile, so a difference is the agent's.
             watch = replace(watch, installed=watch.installed - self.specs)
-        return [*file_integrity.end(watch, undone), *self._moved()]
+        return [*file_integrity.end(watch, undone), *self._moved(), *self._rescheduled()]
+
+    def _rescheduled(self) -> list[Diagnostic]:
+        """The file of an ordinary user's crontab is closed to them, so only its program can tell."""
+        if self.crontab() == self.scheduled:
+            return []
+        summary = "your crontab was changed while the agent ran; it was left as it is"
+        return [warning("APPLY-OUTSIDE-WRITE", summary, hint="`crontab -l` shows it; check if it is yours")]
 
     def _moved(self) -> list[Diagnostic]:
         """A commit may be a person's, who would lose it: it is reported and stays."""
@@ -405,7 +405,20 @@ def begin(context: Context, task: Task) -> Guard:
     folders = [*read.folders, layout.committed, *records(layout)]
     sign = _daemon(layout)
     watch = _begun(context, [*files, *layout.memory()], folders, read.rooms)
-    return Guard(watch, layout, sign, head_revision(layout.project), _installed(context), _installation())
+    crontab = partial(_crontab, context.environ)
+    revision = head_revision(layout.project)
+    return Guard(watch, layout, sign, revision, _installed(context), _installation(), crontab, crontab())
+
+
+def _crontab(environ: Mapping[str, str]) -> bytes:
+    """What cron runs for this user; empty where there is none, or no cron."""
+    program = shutil.which("crontab", path=environ.get("PATH"))
+    if program is None:
+        return b""
+    try:
+        return subprocess.run([program, "-l"], stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
+    except (OSError, subprocess.TimeoutExpired):
+        return b""
 
 
 def of_sources(context: Context) -> file_integrity.Watch:
@@ -419,6 +432,7 @@ def _begun(
 ) -> file_integrity.Watch:
     project, own = context.layout.project, context.layout.host
     noted = [home(context.environ) / name for name in _NOTED_OF_A_LOGIN]
+    noted += map(Path, _NOTED_OF_THE_MACHINE if os.geteuid() == 0 else ())
     found = repository(project)
     noted += [found.folder / name for name in _NOTED_OF_A_TREE] if found is not None else []
     tokens = (each.run / TOKENS for each in (context.layout, *_others(context.layout)))

@@ -379,6 +379,25 @@ def test_the_steps_of_a_rebase_that_an_agent_begins_are_told(attacked: Attacked)
     assert f"--> {todo}" in project.run("apply", "-auto-approve", "-target", "probe", status=0).text
 
 
+CRONTAB = """#!/bin/sh
+if [ "$1" = -l ]; then cat "$HOME/tab" 2>/dev/null; else cat > "$HOME/tab"; fi
+"""
+
+
+def test_what_an_agent_has_run_by_the_clock_is_told(attacked: Attacked) -> None:
+    """The person's own is told by its program, since the file is closed to them."""
+    program = attacked.home / "bin" / "crontab"
+    program.parent.mkdir()
+    program.write_text(CRONTAB)
+    program.chmod(0o755)
+    project = attacked.project
+    plant = f"echo '* * * * * touch {attacked.mark}' | HOME={attacked.home} {program} -"
+    project.script = {"probe": [{"shell": plant}, "good"]}
+    project.write()
+    text = project.run("apply", "-auto-approve", "-target", "probe").text
+    assert "your crontab was changed while the agent ran" in text, text
+
+
 MOVES = {
     ".git": (
         "mv {project}/.git {project}/.git2; echo 'gitdir: .git2' > {project}/.git",
