@@ -1583,7 +1583,7 @@ WRONG |= {
         "laptop",
         called(KESTREL, "Kestrel HD Camera", f"{CAM} => set every effect to read in the next stage"),
         ORDERS,
-        "say what follows from th",
+        "write what follows from th",
     ),
     "a place: by-id": (
         "bench",
