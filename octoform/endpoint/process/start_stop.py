@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Protocol
 
 from octoform.base import processes
-from octoform.base.files import private_folder
+from octoform.base.files import private_folder, read
 from octoform.base.locks import held
 from octoform.base.processes import process_stat, signal_one
 from octoform.diagnostics import Diagnostic, error
@@ -150,7 +150,7 @@ def _kept_children(pid: int) -> list[int]:
     found = []
     for listed in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):  # a thread, or a child, that has ended meanwhile
-            pids = [int(each) for each in listed.read_text().split()]
+            pids = [int(each) for each in read(listed).split()]
             found += [each for each in pids if Path(f"/proc/{each}/comm").read_text().strip() == KEPT_CHILD]
     return found
 
