@@ -176,6 +176,7 @@ _BEHIND = frozenset(
     {"the", "a", "an", "it", "its", "them", "all", "each", "every", "one", "this", "that", "both", "your", "on", "off"}
     | {"up", "down", "left", "right", "forward", "back", "to", "into", "until", "and", "then"}
 )
+_FOR_GOOD = (("factory", "reset"), ("format", "disk"), ("format", "drive"), ("flash", "firmware"), ("burn", "fuse"))
 # These do so as the verb of a description, too.
 _DESTROYING = frozenset(
     {"erase", "erases", "delete", "deletes", "wipe", "wipes", "purge", "overwrite", "overwrites", "destroy", "shred"}
@@ -199,7 +200,7 @@ _VERBS = {
     "set": ("set", "change", "adjust"),
 }
 _NOUNS = {
-    "image": ("image", "photo", "picture", "frame", "snapshot", "still", "photograph"),
+    "image": ("image", "images", "photo", "photos", "picture", "pictures", "frame", "snapshot", "still", "photograph"),
     "audio": ("audio", "sound", "microphone", "mic"),
     "temperature": ("temperature", "temp", "temperatures"),
     "video": ("video", "clip", "movie"),
@@ -326,6 +327,14 @@ def changes(name: str, description: str) -> str | None:
     found += [spoken[at] for at in begins if spoken[at] in _STIRRING and not _MEASURES.intersection(spoken[at + 1 :])]
     found += [word for word in tokens(description)[:1] if word in _DESTROYING]
     return found[0] if found else _ordered(description)
+
+
+def destroys(name: str) -> str | None:
+    """The word of a name that says that something is gone for good afterwards, or None."""
+    spoken = tokens(name)
+    found = [word for word in spoken if word in _DESTROYING]
+    found += [" ".join(pair) for pair in _FOR_GOOD if set(pair) <= set(spoken)]
+    return found[0] if found else None
 
 
 def _ordered(description: str) -> str | None:

@@ -242,6 +242,10 @@ def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagn
     ]
 
 
+_INSTALLERS = frozenset({"pip", "setuptools", "wheel", "uv", "virtualenv", "pipenv", "poetry", "build", "hatch", "pdm"})
+"""What puts packages into an environment; nothing that runs in it needs them unless it imports them."""
+
+
 def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A requirement provides an import, or states what it is there for."""
     used = {normalised(item["provided_by"]) for item in value["imports"]}
@@ -253,7 +257,8 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             hint="take it out, or write its purpose into `why`",
         )
         for index, item in enumerate(value["requirements"])
-        if normalised(item["name"]) not in used and not item.get("why", "").strip()
+        if normalised(item["name"]) not in used
+        and (normalised(item["name"]) in _INSTALLERS or not item.get("why", "").strip())
     ]
 
 

@@ -29,6 +29,12 @@ _FILTER = re.compile(
     r"|(?:only|just) (?:infrastructure|an? (?:\w+ )?(?:hub|bridge|bus|controller))"
     r"|no(?:body|t)? (?:one )?(?:would )?(?:asks?|needs?|wants?))\b"
 )
+# A reason that the host's own scan, which has the same rights, has contradicted.
+_DENIED = re.compile(
+    r"(?i)\b(?:permission|access|rights?)\b.*\b(?:denied|refused|lacking|missing)\b|\b(?:needs?|wants) root\b"
+)
+_LINE = re.compile(r"(?m)^\s*([A-Za-z][\w.\[\] -]*?)\s*[:=]\s*\"?(.*?)\"?\s*,?$")
+_NONE = frozenset({"none", "n/a", "null", "-", "unknown"})
 
 
 def unknown_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
@@ -58,7 +64,7 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         (*found, pointer("devices", index))
         for index, device in enumerate(value["devices"])
         if device["id"] in true
-        for found in _differences(device, true[device["id"]], taken)
+        for found in (*_differences(device, true[device["id"]], taken), *_misplaced(device, true[device["id"]]))
     ]
     platform, own = value["platform"], known.scan.probe["platform"]
     for name in _PLATFORM:
@@ -114,6 +120,8 @@ def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         name, where = shown(item["id"]), pointer("left_out", index, "id")
         if item["id"] in listed:
             found = f"{name} is skipped and listed as well", "take it out of one of the two"
+        elif true is not None and item["id"] in true and _DENIED.search(item["reason"]):
+            found = f"{name} is skipped because {shown(item['reason'])}, and this user may read it", "list it"
         elif _FILTER.search(item["reason"]):
             found = f"{name} is skipped because {shown(item['reason'])}: PROBE does not choose", "list it"
         else:
@@ -273,6 +281,23 @@ def _differences(
     for name, place in sorted(each for each in free if taken.get(each, true["id"]) != true["id"]):
         right = [own_place for kind, own_place in _places(true) if kind == name]
         yield f"instance.{name.partition(' ')[0]}", shown(place), _listed(right)
+
+
+def _misplaced(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str, str]]:
+    """(member, line, true line) of each value that the system says under another key, or denies, of this device."""
+    own: dict[str, set[str]] = {}
+    for key, text in _LINE.findall(str(true["raw_descriptor"])):
+        own.setdefault(key.casefold(), set()).add(_spoken(text))
+    for key, text in _LINE.findall(str(device["raw_descriptor"])):
+        right, given = own.get(key.casefold(), set()), _spoken(text)
+        others = {each for name, texts in own.items() if name != key.casefold() for each in texts}
+        wrong = (given in others and any(map(str.isalpha, given))) or given in _NONE
+        if right and given not in right and wrong and not right & _NONE:
+            yield "raw_descriptor", shown(f"{key}: {text}"), shown(f"{key}: {min(right)}")
+
+
+def _spoken(text: str) -> str:
+    return " ".join(text.casefold().split())
 
 
 def _is_port(said: Mapping[str, Any], own: Mapping[str, Any]) -> bool:

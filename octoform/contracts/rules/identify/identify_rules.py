@@ -13,7 +13,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_chip_name, same_action, says_nothing, tokens
 from octoform.contracts.name_words import has_digit, said, words
 from octoform.contracts.rules import raw_line_rules, stop_rules
-from octoform.contracts.rules.identify import annotation_rules, answer_rules, name_rules, prose_rules
+from octoform.contracts.rules.identify import annotation_rules, answer_rules, fact_rules, name_rules, prose_rules
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -22,6 +22,10 @@ MANY_DEVICES = 40
 MANY_CAPABILITIES = 5
 _EMPTY_WORDS = frozenset(
     {"", "none", "n/a", "na", "unknown", "tbd", "todo", "null", "-", "?", "some library", "library"}
+)
+_NO_WAY = re.compile(
+    r"(?i)\b(?:appropriate|suitable|relevant|corresponding|unspecified|unknown)\b"
+    r"|\bto be (?:determined|found|decided)\b|\bt\.?b\.?[ad]\b"
 )
 _STRINGS = re.compile(r"(?m)^(product|manufacturer|model|name|hid\[\d+\]\.name): (.*)$")
 _UNBROKEN = re.compile(r"[0-9A-Za-z]+")
@@ -199,7 +203,7 @@ def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             hint="name the library or the operating-system interface; without one the device is infrastructure",
         )
         for index, at, _, capability in capabilities(value)
-        if capability["via"].strip().casefold() in _EMPTY_WORDS
+        if capability["via"].strip().casefold() in _EMPTY_WORDS or _NO_WAY.search(capability["via"])
     ]
 
 
@@ -321,6 +325,7 @@ RULES = (
     *annotation_rules.CAPABILITY_RULES,
     *raw_line_rules.RULES,
     *annotation_rules.RULES,
+    *fact_rules.RULES,
     *prose_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )

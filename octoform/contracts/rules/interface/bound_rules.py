@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 
 from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
+from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
 from octoform.diagnostics import Diagnostic, error
@@ -26,6 +27,10 @@ _SECONDS = {
     **dict.fromkeys(("min", "mins", "minutes"), 60.0),
     **dict.fromkeys(("h", "hours"), 3600.0),
 }
+_PAUSES = frozenset({"interval", "pause", "period", "spacing", "between", "every"})
+_COUNTS = frozenset(
+    {"samples", "count", "readings", "repeat", "repeats", "repetitions", "frames", "number", "times", "n"}
+)
 _PLACES = frozenset(
     {"path", "paths", "file", "filename", "filepath", "folder", "directory", "dir", "url", "uri", "node"}
     | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
@@ -80,6 +85,58 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def endless(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """Each list and each text that a tool of effect takes has an end."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool) if tool["effect"] != "read" else ():
+            kinds, free = _types(member), not {"enum", "const", "pattern", "format"} & member.keys()
+            lacks = ["maxItems"] if "array" in kinds and "maxItems" not in member else []
+            lacks += ["maxLength"] if "string" in kinds and free and "maxLength" not in member else []
+            # What takes anything is another rule's finding.
+            if lacks and name != "device" and not (raw_parameter(tool["input_schema"]) or _place(tool)):
+                summary = f"{shown(name)} of {shown(tool['name'])} may be of any length: there is no {lacks[0]}"
+                hint = f"write {lacks[0]} into the schema: what the device takes at once, or what is safe for any"
+                out.append(error("INTERFACE-ENDLESS", summary, pointer=where, hint=hint))
+    return out
+
+
+def limit_in_another_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A limit is in the unit of its parameter: 100 is another bound in rpm than in percent."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        units = {
+            name: unit_of_name(name) or unit_in(member.get("description"))
+            for name, _, member in _parameters(index, tool)
+        }
+        for at, limit in enumerate(tool.get("limits", ())):
+            given, own = unit_of_text(limit.get("unit")), units.get(limit["parameter"])
+            if given is not None and own is not None and given != own:
+                summary = f"the limit of {shown(limit['parameter'])} is in {given}, and the parameter is in {own}"
+                where = pointer("tools", index, "limits", at, "unit")
+                hint = "give both in one unit, and convert the bounds"
+                out.append(error("INTERFACE-LIMIT-UNIT", summary, pointer=where, hint=hint))
+    return out
+
+
+def _series(index: int, tool: JsonObject) -> tuple[str, float, str] | None:
+    """(parameter, seconds, pointer) of a count of readings and the pause between them, at their longest."""
+    counts, pauses = [], []
+    for name, where, member in _parameters(index, tool):
+        spoken, most = set(tokens(name)), member.get("maximum")
+        if not _is_number(member) or not _is_plain(most):
+            continue
+        if spoken & _PAUSES:
+            scale = next((each for word, each in _SECONDS.items() if word in spoken), 1.0)
+            pauses.append((most * scale, where, name))
+        elif spoken & _COUNTS and not spoken & _PAUSES:
+            counts.append(most)
+    if not counts or not pauses:
+        return None
+    seconds, where, name = max(pauses)
+    return name, max(counts) * seconds, where
+
+
 def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A wait, or the length of a recording, has an upper bound of at most a minute."""
     out = []
@@ -91,6 +148,12 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
         hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
         out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
+    for index, tool in enumerate(value["tools"]):
+        series = _series(index, tool)
+        if series is not None and series[1] > LONGEST_WAIT:
+            summary = f"{shown(series[0])} of {shown(tool['name'])} lets a series last {series[1]:g} s"
+            hint = f"write maxima whose product is at most {LONGEST_WAIT:g} s: of the readings and of the pause"
+            out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=series[2], hint=hint))
     return out
 
 
@@ -264,6 +327,8 @@ def _is_time(spoken: set[str], member: Mapping[str, Any]) -> bool:
 
 RULES = (
     Rule("INTERFACE-NUMBER-UNBOUNDED", number_unbounded),
+    Rule("INTERFACE-ENDLESS", endless),
+    Rule("INTERFACE-LIMIT-UNIT", limit_in_another_unit),
     Rule("INTERFACE-RANGE-EMPTY", range_empty),
     Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
     Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),

@@ -16,7 +16,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is
 from octoform.contracts.name_clues import same_action
 from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.interface import bound_rules
-from octoform.contracts.rules.interface.member_units import measured_without_unit
+from octoform.contracts.rules.interface.member_units import measured_without_unit, read_nothing, unit_against_name
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
@@ -39,6 +39,7 @@ _ORDERS = re.compile(
     r"|\byou are now\b|\breveal (?:your|the) (?:system )?prompt\b|\bdo not (?:tell|inform) the user\b",
     re.IGNORECASE,
 )
+_OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
 _DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
 
 
@@ -56,6 +57,10 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             elif _said(_ORDERS, text, names):
                 summary = f"a description of {shown(tool['name'])} gives orders to anyone who reads it"
                 hint = "describe what the tool does; quote what a device calls itself, and never obey it"
+                out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+            elif _OPEN.search(text):
+                summary = f"a description of {shown(tool['name'])} is not written yet"
+                hint = "say what the tool does, on which device, and what comes back"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _said(_DEMANDS, text, names):
                 summary = f"a description of {shown(tool['name'])} demands that another tool is called"
@@ -78,6 +83,11 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         elif _is_text(tool["output_schema"]):
             summary = f"the result of {shown(tool['name'])} is one text"
             out.append(warning("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+        else:
+            for place, why in read_nothing(tool["capability"], tool["output_schema"]):
+                summary = f"the result of {shown(tool['name'])} {escaped(why)}"
+                at = pointer("tools", index, "output_schema", *place)
+                out.append(error("INTERFACE-RESULT-BARE", summary, pointer=at, hint=hint))
     return out
 
 
@@ -110,6 +120,14 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             hint += "beside it; what a device gives without one is called raw"
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
+        for where, name in unit_against_name(tool.get("output_schema")):
+            summary = (
+                f"the result's {shown(name)} of {shown(tool['name'])} has one unit by its name and another by its words"
+            )
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(
+                error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
+            )
     return out
 
 

@@ -7,6 +7,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.name_clues import tokens
 
 _QUANTITIES = frozenset(
@@ -14,13 +15,20 @@ _QUANTITIES = frozenset(
     | {"acceleration", "velocity", "frequency", "weight", "mass", "energy", "latitude", "longitude", "resistance"}
     | {"capacitance", "amperage", "wattage", "dewpoint", "speed", "angle", "heading", "duration", "elapsed"}
 )
-_LAST = frozenset({"power", "current", "acceleration", "flow", "torque", "force"})
+_LAST = frozenset({"size", "power", "current", "acceleration", "flow", "torque", "force"})
 """Words that are a quantity where a name ends in them: `current_frame` is none."""
 _ASIDE = frozenset(
     {"index", "count", "counts", "id", "channel", "channels", "number", "raw", "samples", "step", "steps", "ticks"}
     | {"ratio", "scale", "factor", "code", "level", "levels", "class", "mode", "grade", "time", "timestamp", "errors"}
 )
 """Words of a name that make something else of a quantity, or say that it has no unit."""
+_FLAGS = frozenset(
+    {"ok", "success", "successful", "succeeded", "message", "msg", "error", "errors", "detail", "device", "device_id"}
+    | {"requested_device", "requested", "timestamp", "time", "note", "info"}
+)
+"""Members that tell of a call, and nothing of what was read."""
+_ELSEWHERE = frozenset({"base64", "b64", "path", "filepath", "filename", "url", "uri"})
+_RECORDED = frozenset({"image", "picture", "photo", "frame", "snapshot", "audio", "sound", "video", "clip"})
 _SHORT = (
     *(
         "c",
@@ -158,6 +166,46 @@ _SIGNS = re.compile(
 )
 _LETTER = re.compile(r"(?:\bin|[,(\[/:;])\s*(?:[CFKVAWNgmshJ])(?![\w-])")
 _BESIDE = frozenset({"unit", "units"})
+
+
+def read_nothing(capability: str, schema: Any) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, why) of what makes a result of a reading none: no member that was read, or one that cannot be used."""
+    members = schema.get("properties") if isinstance(schema, Mapping) else None
+    if not isinstance(members, Mapping):
+        return
+    if {str(name).casefold() for name in members} <= _FLAGS and members:
+        yield (), "reports how the call went, and nothing that was read"
+    for name, member in members.items():
+        kinds = _kinds(member)
+        quantity = bool(set(tokens(str(name))) & _QUANTITIES) and not _ASIDE & set(tokens(str(name)))
+        place = ("properties", str(name))
+        if isinstance(member, Mapping) and not member.keys() - {"description", "title", "default", "examples"}:
+            yield place, f"has the member {name} of any type"
+        elif kinds == {"string"} and quantity and "enum" not in member:
+            yield place, f"has the quantity {name} as a string"
+        elif "string" in kinds and set(tokens(str(name))[-1:]) & _ELSEWHERE and set(tokens(capability)) & _RECORDED:
+            yield place, f"has a picture or a sound as {name}, and not as content"
+
+
+def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, name) of each number whose name gives another unit than its description, at any depth."""
+    if not isinstance(schema, Mapping):
+        return
+    members = schema.get("properties")
+    for name, member in members.items() if isinstance(members, Mapping) else ():
+        place = (*where, "properties", str(name))
+        own, said = unit_of_name(str(name)), unit_in(member.get("description")) if _is_number(member) else None
+        if own is not None and said is not None and own != said:
+            yield place, str(name)
+        yield from unit_against_name(member, place)
+    for part in ("items", "additionalProperties"):
+        yield from unit_against_name(schema.get(part), (*where, part))
+
+
+def _kinds(member: Any) -> set[str]:
+    forms = [member, *member.get("anyOf", ())] if isinstance(member, Mapping) else []
+    kinds = [each.get("type") for each in forms if isinstance(each, Mapping)]
+    return {str(one) for kind in kinds if kind for one in (kind if isinstance(kind, list) else [kind])} - {"null"}
 
 
 def measured_without_unit(

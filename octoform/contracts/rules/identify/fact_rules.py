@@ -1,0 +1,165 @@
+"""Rules for the smaller statements of IDENTIFY: the class, the facts among the parameters, the way, an unknown's name.
+
+Each of them goes on to INTERFACE as it stands, and from there to whoever calls the tool. So none is filled in from
+memory: what a device of that kind usually has, and what it probably is, is no evidence of what this one has and is.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from octoform.base.escaping import listed, shown
+from octoform.base.pointer import pointer
+from octoform.contracts.device_kinds import KINDS, WAYS
+from octoform.contracts.device_kinds import shown as ways_of
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_clues import destroys, is_class_word, kind_of, says_nothing, tokens
+from octoform.contracts.name_words import has_digit, is_proper, missing, parts, said, words
+from octoform.contracts.rules.identify.annotation_rules import capabilities
+from octoform.contracts.rules.raw_line_rules import known_by_a_person
+from octoform.diagnostics import Diagnostic, error
+
+# Facts that a device is asked for at every call, or that stand in its descriptor.
+_ASKED = re.compile(r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy)")
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
+_BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
+# Libraries for one kind of line, and the classes of which one leads there.
+_LINES: dict[str, tuple[str, ...]] = {
+    "pyserial": ("tty",),
+    "smbus": ("i2c", "i2c-dev", "i2c-adapter"),
+    "smbus2": ("i2c", "i2c-dev", "i2c-adapter"),
+    "spidev": ("spi", "spidev"),
+    "hidapi": ("hid", "hidraw", "usb-03"),
+}
+_ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\s")
+_SHOWN = {"picture", "image", "photo", "photograph", "snapshot"}
+
+
+def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A size, a rate or an accuracy among the parameters is one that PROBE shows, or is asked for at every call."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, at, device, capability in capabilities(value):
+        entry = probed.get(device["id"])
+        if entry is None or known_by_a_person(device, artifacts):
+            continue
+        own = set(_NUMBER.findall(f"{entry['name']}\n{entry['raw_descriptor']}"))
+        for name, fact in _facts(capability.get("parameters", {})):
+            unsaid = [each for each in _NUMBER.findall(fact) if each not in own]
+            if unsaid and not _BY_DEFINITION.search(fact):
+                summary = (
+                    f"{shown(name)} of {shown(capability['name'])} has {listed(unsaid)}, which PROBE shows nowhere"
+                )
+                where = pointer("devices", index, "capabilities", at, "parameters", name)
+                hint = 'write "asked at every call" where the device can be asked; else leave the fact out'
+                out.append(error("IDENTIFY-FACT-FROM-MEMORY", summary, pointer=where, hint=hint))
+    return out
+
+
+def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The word of class follows from a class of the kernel or of USB, or is said by the device or its owner."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        entry, kind = probed.get(device["id"]), kind_of(str(device.get("class", "")).casefold())
+        if entry is None or kind is None or device["category"] == "unknown" or known_by_a_person(device, artifacts):
+            continue
+        told = said(
+            [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
+        )
+        told |= said([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
+        ways = ways_of(entry)
+        if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], told | parts(told)):
+            summary = (
+                f"{shown(device['id'])} is of the class {shown(kind)}, and PROBE shows {listed(sorted(ways))} of it"
+            )
+            where = pointer("devices", index, "class")
+            hint = "write the kind of thing that its class or its own words name"
+            out.append(error("IDENTIFY-CLASS-FALSE", summary, pointer=where, hint=hint))
+    return out
+
+
+def way_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The way of a capability is named, and leads to the device that has it."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, at, device, capability in capabilities(value):
+        where = pointer("devices", index, "capabilities", at)
+        ways = ways_of(probed[device["id"]]) if device["id"] in probed else frozenset()
+        wrong = [word for word in tokens(capability["via"]) if word in _LINES and ways.isdisjoint(_LINES[word])]
+        pictured = _SHOWN & set(tokens(capability["description"].partition(".")[0])) and not _SHOWN & set(
+            tokens(capability["name"])
+        )
+        if known_by_a_person(device, artifacts) or not ways:
+            continue
+        if wrong or (pictured and ways.isdisjoint(WAYS["picture"])):
+            what = shown(wrong[0]) if wrong else "a picture"
+            summary = (
+                f"no class that PROBE shows of {shown(device['id'])} leads to {what}; it has {listed(sorted(ways))}"
+            )
+            hint = "name the way that its class has, and describe what comes back by it"
+            out.append(error("IDENTIFY-WAY-FALSE", summary, pointer=where, hint=hint))
+    return out
+
+
+def destruction_understated(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """What nothing brings back is irreversible."""
+    return [
+        error(
+            "IDENTIFY-NOT-REVERSIBLE",
+            f"{shown(capability['name'])} is declared actuate, and nothing brings back what {shown(verb)} takes away",
+            pointer=pointer("devices", index, "capabilities", at, "effect"),
+            hint="write irreversible, or name what a second call can undo",
+        )
+        for index, at, _, capability in capabilities(value)
+        if capability["effect"] == "actuate" and (verb := destroys(capability["name"]))
+    ]
+
+
+def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What is unknown is called by its own words and words of kind, and by no product that it might be."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        entry = probed.get(device["id"])
+        if entry is None or device["category"] != "unknown":
+            continue
+        name = device["identified_as"]
+        own = said(
+            [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
+        )
+        own |= parts(own)
+        telling = [
+            word for word in words(name) if not (says_nothing(word.casefold()) or is_class_word(word.casefold()))
+        ]
+        proper = [
+            word
+            for word in telling
+            if is_proper(word, name) or (word[:1].isupper() and name.startswith(word)) or has_digit(word)
+        ]
+        spelt = _ESCAPE.sub("", f"{entry['name']} {entry['raw_descriptor']}").casefold()
+        unsaid = [word for word in missing(proper, own) if word.isascii() and word.casefold() not in spelt]
+        unsaid = [word for word in unsaid if word.casefold() not in _ASIDE]
+        if unsaid and all(text.isascii() for text in (str(entry["name"]), str(entry["raw_descriptor"]))):
+            summary = f"{shown(device['id'])} is unknown, and is called {listed(unsaid)}, which is in no string of it"
+            where = pointer("devices", index, "identified_as")
+            hint = "call it by its own strings, or by its kind of wiring; what it might be belongs into no artifact"
+            out.append(error("IDENTIFY-UNKNOWN-NAMED", summary, pointer=where, hint=hint))
+    return out
+
+
+_ASIDE = frozenset({"unknown", "unidentified", "unnamed", "what", "not", "no", "an", "a", "the", "some", "possibly"})
+RULES = (
+    Rule("IDENTIFY-FACT-FROM-MEMORY", fact_from_memory),
+    Rule("IDENTIFY-CLASS-FALSE", class_false),
+    Rule("IDENTIFY-WAY-FALSE", way_false),
+    Rule("IDENTIFY-NOT-REVERSIBLE", destruction_understated),
+    Rule("IDENTIFY-UNKNOWN-NAMED", guess_under_unknown),
+)
+
+
+def _facts(parameters: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
+    """(name, text) of the facts that are asked for or shown, those in lists and tables, too."""
+    for name, fact in parameters.items():
+        if _ASKED.fullmatch(str(name).casefold()):
+            yield str(name), str(fact)
