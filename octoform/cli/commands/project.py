@@ -28,8 +28,8 @@ def run_init(arguments: Namespace, project: Path, screen: Console) -> int:
 
 def run_validate(arguments: Namespace, project: Path, screen: Console) -> int:
     """All problems at once; exit code 1 when one is an error."""
+    from octoform.apply.stage.assignment import unpriced
     from octoform.engine.plan.configuration import compile_project
-    from octoform.engine.plan.prices import unpriced
     from octoform.harness import logins
 
     compiled, found = compile_project(project, os.environ)

@@ -10,6 +10,7 @@ from typing import Any
 from octoform.apply.context import Clock, Context, Tally
 from octoform.apply.destroy import destroy
 from octoform.apply.executor import execute
+from octoform.apply.stage.assignment import calling, unpriced
 from octoform.base import files
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, Severity, error, has_errors
@@ -27,7 +28,6 @@ from octoform.engine.plan import device_knowledge
 from octoform.engine.plan import memo as plan_cache
 from octoform.engine.plan.configuration import Compiled, source_files
 from octoform.engine.plan.plan import Outlook, Request, prepare
-from octoform.engine.plan.prices import calling, unpriced
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import EndpointSummary, Funnel, RunResult, RunUsage, RunView
 from octoform.events import Event, Notice

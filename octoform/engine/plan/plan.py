@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import octoform
+from octoform.apply.stage.assignment import calling, unpriced
 from octoform.contracts.model import Artifacts, ProfileFacts, corroborated
 from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error, has_errors, warning
 from octoform.endpoint.expected_tools import published
@@ -17,7 +18,6 @@ from octoform.endpoint.policy_check import doubts
 from octoform.endpoint.process.record import running_beside
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled, compile_project, source_files
-from octoform.engine.plan.prices import calling, unpriced
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.results import PlanResult
 from octoform.graph.model import Graph

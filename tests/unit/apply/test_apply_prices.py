@@ -5,8 +5,8 @@ from pathlib import Path
 
 import pytest
 
+from octoform.apply.stage.assignment import unpriced
 from octoform.cli.main import main
-from octoform.engine.plan.prices import unpriced
 from octoform.harness.llm import token_prices
 from octoform.manifest.loader import load
 
