@@ -1,9 +1,10 @@
-"""A connection to the endpoint of a host, which is started first where nothing runs yet. Light."""
+"""A connection to the endpoint of a host, started first where nothing runs yet, and a client's pipe to it. Light."""
 
 import socket
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
@@ -11,7 +12,9 @@ from octoform.endpoint.process.record import is_marked, refusal, unmark
 from octoform.endpoint.process.start_stop import start, stop
 from octoform.endpoint.published_files import LAUNCHER
 from octoform.endpoint.sockets import greeted
-from octoform.state.files import refused
+from octoform.endpoint.stdio import pipe, refuse
+from octoform.manifest.model_url import is_legal_host
+from octoform.state.files import foreign_among, refused
 from octoform.state.layout import Layout
 
 CONNECT_SECONDS = 5.0
@@ -149,3 +152,43 @@ class Returning:
         self._starting = self._since = None
         problem, self._failed = self._failed, None
         return None if problem is None else ": ".join(filter(None, (problem.summary, problem.detail)))
+
+
+def connect(project: Path, host: str | None, *, revive: bool = False) -> str | None:
+    """Carry a client's bytes until it is done; the reason in one line when it ended otherwise.
+
+    A client that is refused is told so in an answer to its first request too. ``revive``: it may end a person's stop.
+    """
+    layout = _layout(project, host)
+    if isinstance(layout, str):
+        return _refused(layout)
+    connection = reach(layout, revive=revive)
+    if isinstance(connection, Diagnostic):
+        hint = connection.hint if connection.code == "ENDPOINT-STOPPED" else None
+        return _refused(": ".join(filter(None, (connection.summary, connection.detail, hint))))
+    with connection:
+        return (
+            None if pipe(connection, again=lambda: Returning(layout)) else f"the endpoint of {layout.host} was stopped"
+        )
+
+
+def _refused(why: str) -> str:
+    refuse(why)
+    return why
+
+
+def _layout(project: Path, host: str | None) -> Layout | str:
+    """The host that is meant, or why none is."""
+    if host is not None and not is_legal_host(host):
+        return f"{host!r} is no name of a host"
+    applied = sorted(path.parents[1].name for path in project.glob(f".octoform/*/endpoint/{LAUNCHER}"))
+    if host in applied:
+        return Layout(project, host)
+    if host is None and len(applied) == 1:
+        return Layout(project, applied[0])
+    if (host is not None or not applied) and (shut := foreign_among(project, host)):
+        return shut.summary
+    if host is not None:
+        return f"{host} has no endpoint in {project}; run octoform apply"
+    known = f"; name one: {', '.join(applied)}" if applied else "; run octoform apply"
+    return f"{project} has {len(applied) or 'no'} endpoint{'s' if len(applied) > 1 else ''}{known}"

@@ -23,6 +23,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, NoReturn
 
+from .base.processes import signal_one, start_of
 from .faults import DeviceFault
 
 IDLE = 20.0
@@ -74,6 +75,7 @@ class _Child:
         self.pid = os.fork()
         if self.pid == 0:
             _serve(function, asked, told)
+        self._start = start_of(self.pid)
         os.close(asked)
         os.close(told)
         threading.Thread(target=self._await_end, daemon=True, name="child").start()
@@ -104,7 +106,7 @@ class _Child:
         """End the process now, and wait until it is gone."""
         with self._reaped:
             if self.status is None:
-                os.kill(self.pid, signal.SIGKILL)
+                signal_one(self.pid, self._start)
         self.ended.wait()
         self.close()
 

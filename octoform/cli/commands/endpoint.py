@@ -159,7 +159,7 @@ def _uninstall(arguments: Namespace, screen: Console, unit: engine.Unit) -> int:
 
 def run_connect(arguments: Namespace, project: Path, screen: Console) -> int:
     """Exit code 0 when the client closed the connection, 1 when the endpoint did or never came up."""
-    from octoform.endpoint.connect import connect
+    from octoform.endpoint.dial import connect
 
     if arguments.print is not None:
         return printed(arguments, project, screen)

@@ -236,7 +236,7 @@ def test_an_emergency_stop_on_the_way_back_is_no_success() -> None:
 
 def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
     one = tried(an_arm(refusal=ToolAnswer(None, "elbow_flex is hot")))
-    assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint said: elbow_flex is hot"
+    assert codes(one) == ["STEP-NOT-MOVED"] and one.found[0].detail == "arm_move_joint answered: elbow_flex is hot"
 
 
 def test_a_unit_that_was_limp_is_limp_again_and_one_that_held_goes_on_holding() -> None:
