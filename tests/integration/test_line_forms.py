@@ -137,7 +137,7 @@ def test_the_tools_are_typed_as_the_profile_says(bench: Bench) -> None:
     assert tools["heater_switch"]["input_schema"]["properties"]["on"]["type"] == "boolean"
     assert "acknowledges nothing" in tools["heater_switch"]["description"]
     assert tools["heater_state"]["output_schema"]["properties"]["on"]["type"] == "boolean"
-    assert "say it by itself" in tools["heater_report"]["description"]
+    assert "send it by itself" in tools["heater_report"]["description"]
 
 
 def test_a_boolean_goes_out_as_its_word_and_what_is_not_acknowledged_is_told_so(bench: Bench) -> None:
