@@ -62,6 +62,8 @@ def test_cut_at_every_byte_only_whole_lines_count(tmp_path: Path) -> None:
         assert list(reading.records) == written[:whole]
         assert reading.torn is (not data[:length].endswith(b"\n") and length > 0)
         assert [item.code for item in found] == (["STATE-JOURNAL-TORN"] if reading.torn else [])
+        where = f"line {len(reading.records) + 1} of the journal"
+        assert all(item.summary.startswith(where) for item in found)
         assert all(item.severity is Severity.WARNING for item in found)
 
 
