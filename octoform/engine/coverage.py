@@ -124,12 +124,18 @@ class Group:
 
 @dataclass(frozen=True, slots=True)
 class Funnel:
-    """From all that the operating system shows to tools."""
+    """From all that the operating system shows to tools; ``annotated`` counts what IDENTIFY left unknown too."""
 
     enumerated: int
     annotated: int | None
+    unknown: int | None
     with_tools: int | None
     tools: int | None
+
+    @property
+    def identified(self) -> int | None:
+        """The devices of which IDENTIFY says on evidence what each is."""
+        return None if self.annotated is None or self.unknown is None else self.annotated - self.unknown
 
 
 @dataclass(frozen=True, slots=True)
@@ -185,6 +191,7 @@ def coverage(ground: Ground) -> Coverage:
         funnel=Funnel(
             enumerated=len(devices),
             annotated=len(annotated) if identified else None,
+            unknown=sum(item.category == UNKNOWN for item in annotated) if identified else None,
             with_tools=len(usable) if decided else None,
             tools=len(names) if decided else None,
         ),

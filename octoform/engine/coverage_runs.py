@@ -213,8 +213,8 @@ _MEMBER = {"probe": "devices", "identify": "devices", "interface": "tools"}
 class Pass:
     """One pass. ``number`` is that of its first attempt, ``seconds`` are the agents' own, ``ended`` its last word.
 
-    ``enumerated``, ``annotated`` and ``tools`` are what was at its end; None where that is no longer known, as are
-    tokens and US dollars that no one told.
+    ``enumerated``, ``annotated``, ``unknown`` (of those) and ``tools`` are what was at its end; None where that is no
+    longer known, as are tokens and US dollars that no one reported.
     """
 
     number: int
@@ -227,10 +227,16 @@ class Pass:
     seconds: float
     enumerated: int | None
     annotated: int | None
+    unknown: int | None
     tools: int | None
     input_tokens: int | None = None
     output_tokens: int | None = None
     cost_usd: float | None = None
+
+    @property
+    def identified(self) -> int | None:
+        """The devices of which IDENTIFY says on evidence what each is."""
+        return None if self.annotated is None or self.unknown is None else self.annotated - self.unknown
 
 
 def grouped(attempts: Sequence[Attempt]) -> list[list[Attempt]]:
@@ -260,13 +266,16 @@ def _turn(item: Attempt) -> tuple[int, int]:
 
 def passes(groups: Iterable[Sequence[Attempt]], output: Output) -> tuple[Pass, ...]:
     """What each pass took and came to; a stage that did not run stands as the pass before left it."""
-    counts: dict[str, int | None] = dict.fromkeys(_MEMBER)
+    counts: dict[str, int | None] = dict.fromkeys((*_MEMBER, "unknown"))
     found = []
     for group in groups:
         for item in group:
             value = output(item) if item.stage in _MEMBER and item.state == ACCEPTED else None
             if value is not None and item.told.role != ESCALATE:
-                counts[item.stage] = len(value[_MEMBER[item.stage]])
+                members = value[_MEMBER[item.stage]]
+                counts[item.stage] = len(members)
+                if item.stage == "identify":
+                    counts["unknown"] = sum(one["category"] == "unknown" for one in members)
         found.append(_pass(group, counts))
     return tuple(found)
 
@@ -285,6 +294,7 @@ def _pass(group: Sequence[Attempt], counts: Mapping[str, int | None]) -> Pass:
         seconds=round(sum(item.told.seconds for item in group), 3),
         enumerated=counts["probe"],
         annotated=counts["identify"],
+        unknown=counts["unknown"],
         tools=counts["interface"],
         input_tokens=known_sum(one.input_tokens for one in used),
         output_tokens=known_sum(one.output_tokens for one in used),

@@ -11,6 +11,7 @@ from octoform.base.files import parse
 from octoform.contracts.name_clues import is_chip_name
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.manifest.loader import load as load_manifest
+from octoform.manifest.profile_paths import located
 from octoform.profiles import Profile, load, match_rule
 from octoform.profiles.match_rule import Judged
 from octoform.state.files import read_regular, write_atomic
@@ -53,7 +54,7 @@ class ProfileReport:
 
 def check(project: Path, environ: Mapping[str, str], file: Path) -> tuple[ProfileReport | None, list[Diagnostic]]:
     """The report; None with every problem of the file when it is not sound. Warnings come along with a report."""
-    profiles, found = load([project / file])
+    profiles, found = load([located(project, str(file))])
     if not profiles:
         return None, found
     manifest, _ = load_manifest(project / MANIFEST, environ)

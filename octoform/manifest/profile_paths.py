@@ -81,6 +81,15 @@ def _named(item: Scalar, project: Path, report: ProblemList) -> Path | None:
     return None
 
 
+def located(project: Path, given: str) -> Path:
+    """The file that a person means on the command line: a path, or a profile's name as octopus.yaml has it."""
+    path = project / given
+    if path.exists() or path.suffix or path.name != given:
+        return path
+    named = [folder / f"{given}.md" for folder in (project / FOLDER, shipped())]
+    return next((each for each in named if each.is_file()), path)
+
+
 def _stems(folder: Path) -> list[str]:
     return sorted(path.stem for path in folder.glob("*.md"))
 

@@ -136,7 +136,7 @@ def _wrapped(text: str, width: int, indent: str = "  ") -> list[str]:
 
 def _funnel(found: Coverage, width: int, paint: Paint, block: str) -> Iterator[str]:
     funnel = found.funnel
-    steps = (("discovered", funnel.enumerated), ("identified", funnel.annotated), ("with tools", funnel.with_tools))
+    steps = (("discovered", funnel.enumerated), ("identified", funnel.identified), ("with tools", funnel.with_tools))
     room = min(BAR, width - 22)
     for name, count in steps:
         if count is None:

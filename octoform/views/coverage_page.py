@@ -58,7 +58,7 @@ def _shares(found: Coverage) -> list[tuple[str, str, float]]:
 def _bars(found: Coverage) -> list[tuple[str, int | None, float]]:
     """Each step of the funnel with its count, and its width in percent of the first."""
     funnel = found.funnel
-    steps = (("discovered", funnel.enumerated), ("identified", funnel.annotated), ("with tools", funnel.with_tools))
+    steps = (("discovered", funnel.enumerated), ("identified", funnel.identified), ("with tools", funnel.with_tools))
     whole = funnel.enumerated or 1
     return [(name, count, round(100 * (count or 0) / whole, 2)) for name, count in steps]
 

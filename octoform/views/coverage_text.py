@@ -125,7 +125,7 @@ def all_stages(items: Sequence[Stage]) -> tuple[str, ...]:
 
 def pass_row(item: Pass) -> tuple[str, ...]:
     """The cells of `PASSES`."""
-    counts = (UNKNOWN if count is None else str(count) for count in (item.enumerated, item.annotated, item.tools))
+    counts = (UNKNOWN if count is None else str(count) for count in (item.enumerated, item.identified, item.tools))
     spent = (_tokens(item.input_tokens, item.output_tokens), _cost(item.cost_usd))
     tries = (str(len(item.stages)), str(item.retries), seconds(item.seconds))
     head = (str(item.number), "; ".join(item.agents))

@@ -31,7 +31,7 @@ BAD = {
         'mcp = FastMCP("bench")\n\n\ndef first() -> bytes:\n    from pathlib import Path\n\n'
         '    return Path("/").joinpath(*"dev video9".split()).read_bytes()\n\n\nSEEN = first()',
     ),
-    "import that hangs": changed("\nmcp = FastMCP", "\nimport time\n\ntime.sleep(600)\nmcp = FastMCP"),
+    "import that hangs": changed("\nmcp = FastMCP", '\nwhile not hasattr(FastMCP, "never"):\n    pass\nmcp = FastMCP'),
     "dead library": changed(
         READS, "import time\n\n        return Temperature(celsius=time.no_such_clock(value, digits))"
     ),

@@ -40,7 +40,7 @@ def test_a_retry_gets_the_refused_output_and_is_told_that_the_rest_of_it_was_rig
     assert not (first / "former-output.json").exists()
     said = " ".join(prompt(second).split())
     assert "A copy of the last output that was judged is former-output.json" in said
-    assert "What no finding below is about was right: keep that" in said
+    assert "Keep everything that no finding below is about: it was right" in said
     assert "/devices/0/capabilities/0/effect" in said
     assert "former-output.json" not in json.loads((second / "attempt.json").read_text())["files"]
 
@@ -50,7 +50,7 @@ def test_an_attempt_that_left_nothing_leaves_nothing_to_correct(project: Project
     project.apply(status=0)
     second = project.attempts("identify")[-1]
     assert not (second / "former-output.json").exists()
-    assert "you start afresh" in prompt(second)
+    assert "start afresh" in prompt(second)
 
 
 POINTER = "/devices/0/capabilities/0/effect"
@@ -120,7 +120,7 @@ def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are
     assert "ENDPOINT-TOOL-BROKEN" not in prompt(first)
     assert "ENDPOINT-TOOL-BROKEN" in prompt(told) and "no_such_clock" in (told / "former-server.py").read_text()
     assert "ENDPOINT-TOOL-BROKEN" in prompt(last), "no one has tried another one yet"
-    assert "Why the earlier attempt was refused" in prompt(last) and "eval" in prompt(last)
+    assert "Why the earlier attempt was rejected" in prompt(last) and "eval" in prompt(last)
     assert (last / "seen").read_text() == (project.outside / "refused.py").read_text()
 
 

@@ -60,7 +60,7 @@ def report(artifacts: Mapping[str, Any], runs: Sequence[Run] = (), **ground: Any
     found = coverage(Ground(artifacts, **ground))
     names = [name for name in ("probe", "identify", "interface", "serve", "deploy") if name in artifacts]
     stages = tuple(Stage(name, "builtin", 1, 0.2, STAMP, None, None, None) for name in names)
-    counts = (found.funnel.enumerated, found.funnel.annotated, found.funnel.tools)
+    counts = (found.funnel.enumerated, found.funnel.annotated, found.funnel.unknown, found.funnel.tools)
     taken = Pass(1, STAMP, "accepted", tuple(names), ("builtin",), len(names), 0, 0.6, *counts)
     platform = {name: value for name, value in artifacts["probe"]["platform"].items() if name != "kernel"}
     notes = ("not there yet: SERVE, DEPLOY; octoform apply makes it; no tool can be called until then",)

@@ -24,7 +24,7 @@ def test_the_files_are_those_of_the_runtime_and_the_base_that_it_needs() -> None
     files = runtime_files()
     assert files["runtime/base/files.py"] == (BASE / "files.py").read_bytes()
     links = {path.name for path in (SOURCE / "base").iterdir() if path.is_symlink()}
-    assert links == {"clock.py", "files.py", "locks.py", "quantities.py", "serials.py", "shape.py"}
+    assert links == {"clock.py", "files.py", "locks.py", "processes.py", "quantities.py", "serials.py", "shape.py"}
     assert {name for name in files if name.startswith("runtime/base/")} == {
         f"runtime/base/{name}" for name in (*links, "__init__.py")
     }

@@ -25,7 +25,7 @@ def test_the_transcript_is_told_in_lines(tmp_path: Path) -> None:
     told.transcript.write_text("".join(json.dumps(event) + "\n" for event in events) + "no event\n")
     story = readable_log(told, Outcome(ExitReason.CRASHED, 1, 3.0, turns=1))
     assert story.read_text().splitlines() == [
-        "    0.6 s  said: looking",
+        "    0.6 s  message: looking",
         "    1.2 s  bash: ls /sys",
         "    2.0 s    that failed",
         "    3.0 s  the model's side failed: 429",

@@ -48,7 +48,7 @@ def test_the_table_is_of_the_invented_hosts(reports: dict[str, CoverageReport], 
 
 def row(name: str, made: CoverageReport) -> str:
     funnel, found = made.coverage.funnel, made.coverage
-    counts = (str(count) for count in (funnel.enumerated, funnel.annotated, funnel.tools))
+    counts = (str(count) for count in (funnel.enumerated, funnel.identified, funnel.tools))
     return f"| {' | '.join((name, *counts, share(found.onboardable), share(found.with_infrastructure)))} |\n"
 
 
