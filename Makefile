@@ -69,7 +69,6 @@ TIMES := 5
 ONLY :=
 MUTATIONS := 200
 SEED := 1
-WORKERS := 2
 SECONDS := 3600
 CAMPAIGN := $(FROM_TESTS) -m campaign
 faults: setup
