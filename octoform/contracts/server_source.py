@@ -5,6 +5,7 @@ whoever means harm can hide from any static rule, which is why the import under 
 """
 
 import ast
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -15,6 +16,16 @@ from octoform.diagnostics import Diagnostic, Span, error
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 _MAX_LINE_SHOWN = 200
+_BELOW = "_octoform_below"
+
+
+def walk(node: ast.AST) -> tuple[ast.AST, ...]:
+    """A node and every node below it, from the top down; kept with the node, since many rules ask for the same ones."""
+    found: tuple[ast.AST, ...] | None = getattr(node, _BELOW, None)
+    if found is None:
+        found = tuple(ast.walk(node))
+        setattr(node, _BELOW, found)
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,17 +54,25 @@ class Source:
     @cached_property
     def nodes(self) -> tuple[ast.AST, ...]:
         """Every node, from the top down; walked once for all rules."""
-        return tuple(ast.walk(self.tree))
+        return walk(self.tree)
+
+    @cached_property
+    def by_kind(self) -> Mapping[type[ast.AST], list[Any]]:
+        """The nodes of each class, in the same order; a rule that wants dictionaries looks at nothing else."""
+        found: defaultdict[type[ast.AST], list[Any]] = defaultdict(list)
+        for node in self.nodes:
+            found[type(node)].append(node)
+        return found
 
     @cached_property
     def calls(self) -> tuple[tuple[ast.Call, str], ...]:
         """Every call with the dotted name of what is called."""
-        return tuple((node, self.dotted(node.func)) for node in self.nodes if isinstance(node, ast.Call))
+        return tuple((node, self.dotted(node.func)) for node in self.by_kind[ast.Call])
 
     @cached_property
     def classes(self) -> tuple[ast.ClassDef, ...]:
         """Every class, nested ones too."""
-        return tuple(node for node in self.nodes if isinstance(node, ast.ClassDef))
+        return tuple(self.by_kind[ast.ClassDef])
 
     @cached_property
     def functions(self) -> tuple[Function, ...]:
@@ -104,7 +123,7 @@ class Source:
         """What each function names: functions of the file, and the methods of its classes."""
         out = {}
         for function in self.functions:
-            inside = list(ast.walk(function))
+            inside = walk(function)
             names = {item.id for item in inside if isinstance(item, ast.Name)} - self._own_names.get(function, set())
             methods = {item.attr for item in inside if isinstance(item, ast.Attribute)}
             out[function] = [other for other in self.functions if self._is_named(other, names, methods)]
@@ -135,7 +154,7 @@ class Source:
 
     def asking(self, function: ast.AST) -> list[ast.Call]:
         """The calls of ``runtime.device`` in a function."""
-        calls = (item for item in ast.walk(function) if isinstance(item, ast.Call))
+        calls = (item for item in walk(function) if isinstance(item, ast.Call))
         names = ((call, self.dotted(call.func)) for call in calls)
         return [call for call, name in names if name.startswith("runtime.") and name.endswith(".device")]
 
@@ -162,7 +181,7 @@ def read_source(text: str) -> Source | Diagnostic:
     except (ValueError, RecursionError, MemoryError) as problem:
         summary = f"the server is no Python that can be compiled: {str(problem) or type(problem).__name__}"
         return error("SERVE-SYNTAX", summary, hint="write plain Python text")
-    parents = {child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)}
+    parents = {child: node for node in walk(tree) for child in ast.iter_child_nodes(node)}
     return Source(text, tuple(text.splitlines()), tree, dict(_imported(tree)), parents)
 
 
@@ -186,7 +205,7 @@ def imported_modules(source: Source) -> Iterator[tuple[str, ast.Import | ast.Imp
 
 
 def _imported(tree: ast.Module) -> Iterator[tuple[str, str]]:
-    for node in ast.walk(tree):
+    for node in walk(tree):
         if isinstance(node, ast.Import):
             for item in node.names:
                 if item.asname:

@@ -1,7 +1,9 @@
 """The core knows no device: no id literals, no device library, no platform branch outside the embedded agent."""
 
 import ast
+import functools
 import re
+from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
@@ -16,28 +18,46 @@ LISTENING = {"daemon/observe/hardware.py": {"pyudev"}}
 USB_ID = re.compile(r"^[0-9a-fA-F]{4}:[0-9a-fA-F]{4}$")
 
 
-def strings(path: Path) -> list[str]:
-    nodes = ast.walk(ast.parse(path.read_text()))
-    return [node.value for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+@dataclass(frozen=True)
+class Facts:
+    """What the tests below ask of a module: its strings, the packages that it imports, the first words of its lists."""
+
+    strings: tuple[str, ...]
+    imported: frozenset[str]
+    relative: frozenset[str]
+    first_words: tuple[str, ...]
 
 
-def imported(path: Path) -> set[str]:
-    """The packages that a module imports."""
-    found = set()
+@functools.cache
+def facts(path: Path) -> Facts:
+    """Parsed once for all tests."""
+    strings: list[str] = []
+    imported: set[str] = set()
+    relative: set[str] = set()
+    words: list[str] = []
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.split(".")[0] for alias in node.names}
+        if isinstance(node, ast.Constant) and isinstance(node.value, str):
+            strings.append(node.value)
+        elif isinstance(node, ast.Import):
+            imported |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
-            found.add(node.module.split(".")[0])
-    return found
+            (relative if node.level else imported).add(node.module.split(".")[0])
+        elif isinstance(node, ast.List | ast.Tuple) and node.elts:
+            first = node.elts[0]
+            words += [first.value] if isinstance(first, ast.Constant) and isinstance(first.value, str) else []
+    return Facts(tuple(strings), frozenset(imported), frozenset(relative), tuple(words))
 
 
 def test_no_usb_id_is_written_in_python() -> None:
-    assert [(str(path), text) for path in FILES for text in strings(path) if USB_ID.match(text)] == []
+    assert [(str(path), text) for path in FILES for text in facts(path).strings if USB_ID.match(text)] == []
+
+
+def of_devices(path: Path) -> frozenset[str]:
+    return (facts(path).imported | facts(path).relative) & DEVICE_LIBRARIES
 
 
 def test_the_core_imports_no_device_library() -> None:
-    used = {path.relative_to(ROOT / "octoform").as_posix(): imported(path) & DEVICE_LIBRARIES for path in CORE}
+    used = {path.relative_to(ROOT / "octoform").as_posix(): of_devices(path) for path in CORE}
     assert {name: found for name, found in used.items() if found} == LISTENING
 
 
@@ -49,18 +69,8 @@ def test_the_shipped_package_names_no_package_registry_and_no_machine_path() -> 
 
 def calls_git(path: Path) -> bool:
     """Whether a module starts git by itself: a list or tuple that begins with its name, or a library that does it."""
-    tree = ast.parse(path.read_text())
-    names = {
-        alias.name.split(".")[0] for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names
-    }
-    names |= {
-        (node.module or "").split(".")[0]
-        for node in ast.walk(tree)
-        if isinstance(node, ast.ImportFrom) and not node.level
-    }
-    starts = [node.elts[0] for node in ast.walk(tree) if isinstance(node, ast.List | ast.Tuple) and node.elts]
-    told = [first.value for first in starts if isinstance(first, ast.Constant) and isinstance(first.value, str)]
-    return bool(names & {"git", "pygit2", "dulwich"}) or any(Path(word).name == "git" for word in told)
+    started = any(Path(word).name == "git" for word in facts(path).first_words)
+    return bool(facts(path).imported & {"git", "pygit2", "dulwich"}) or started
 
 
 def test_git_is_called_in_one_way_which_runs_no_program_of_the_repository() -> None:

@@ -1,6 +1,7 @@
 """Some ideas stand once, in `base/`: a second copy drifts from the first, and the drift is a bug that nobody sees."""
 
 import ast
+import functools
 import re
 from pathlib import Path
 
@@ -39,6 +40,12 @@ def holders(pattern: str, texts: dict[str, str]) -> list[str]:
     return [name for name, text in texts.items() if re.search(pattern, text) and not is_program(text)]
 
 
+@functools.cache
+def sources() -> dict[str, str]:
+    """All of them, unparsed once for all ideas."""
+    return {path.relative_to(ROOT).as_posix(): code(path) for path in FILES}
+
+
 def code(path: Path) -> str:
     """The source without docstrings and comments, as Python itself would write it."""
     tree = ast.parse(path.read_text())
@@ -57,8 +64,7 @@ def code(path: Path) -> str:
 @for_each("idea", sorted(IDEAS))
 def test_an_idea_of_the_base_has_no_second_copy(idea: str) -> None:
     pattern, home = IDEAS[idea]
-    texts = {path.relative_to(ROOT).as_posix(): code(path) for path in FILES}
-    assert holders(pattern, texts) == [home]
+    assert holders(pattern, sources()) == [home]
 
 
 def test_a_second_copy_is_found() -> None:

@@ -14,17 +14,18 @@ _sleeping: list["subprocess.Popen[bytes]"] = []
 
 def end_endpoints(folder: Path) -> None:
     """Kill every process that serves an endpoint below ``folder``."""
-    for entry in Path("/proc").iterdir():
-        if entry.name.isdigit() and _serves_below(folder, entry):
+    for name in (entry.name for entry in Path("/proc").iterdir()):
+        if name.isdigit() and _serves_below(folder, name):
             try:
-                os.kill(int(entry.name), signal.SIGKILL)
+                os.kill(int(name), signal.SIGKILL)
             except ProcessLookupError:
                 continue
 
 
-def _serves_below(folder: Path, process: Path) -> bool:
+def _serves_below(folder: Path, process: str) -> bool:
     try:
-        words = (process / "cmdline").read_bytes().split(b"\0")
+        with Path(f"/proc/{process}/cmdline").open("rb", buffering=0) as line:
+            words = line.read().split(b"\0")
     except OSError:
         return False
     programs = [os.fsdecode(word) for word in words[1:3] if word.endswith(PROGRAM.encode())]

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Iterator
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.server_source import Source
+from octoform.contracts.server_source import Source, walk
 
 Numbers = frozenset[float]
 _DEPTH = 8
@@ -79,7 +79,7 @@ class Chosen:
 
 def is_of_environment(source: Source, flow: Flow, test: ast.expr, depth: int = 3) -> bool:
     """Whether a test asks the environment or the command line, of which no device knows: a mode of the server."""
-    for item in ast.walk(test):
+    for item in walk(test):
         name = source.dotted(item) if isinstance(item, ast.Name | ast.Attribute | ast.Call) else ""
         if name.startswith(("os.environ", "os.getenv", "sys.argv")):
             return True

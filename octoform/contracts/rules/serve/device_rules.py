@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 # Constructors and functions of device libraries, by the last part of their name.
@@ -124,11 +124,11 @@ def is_node_path(source: Source, path: ast.expr, call: ast.Call) -> bool:
     """True for an expression that names a device node: below /dev, from ``.node(...)``, or a variable of such."""
     if _mentions_node(source, path):
         return True
-    names = {item.id for item in ast.walk(path) if isinstance(item, ast.Name)}
+    names = {item.id for item in walk(path) if isinstance(item, ast.Name)}
     scope = source.owner(call)
-    for statement in ast.walk(scope) if scope is not None else ():
+    for statement in walk(scope) if scope is not None else ():
         for target, value in _bindings(statement):
-            bound = {item.id for item in ast.walk(target) if isinstance(item, ast.Name)}
+            bound = {item.id for item in walk(target) if isinstance(item, ast.Name)}
             if names & bound and _mentions_node(source, value):
                 return True
     return False
@@ -145,7 +145,7 @@ def _bindings(statement: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
 
 
 def _mentions_node(source: Source, tree: ast.AST) -> bool:
-    for item in ast.walk(tree):
+    for item in walk(tree):
         if isinstance(item, ast.Constant) and isinstance(item.value, str) and item.value.startswith("/dev/"):
             return True
         if isinstance(item, ast.Call) and source.dotted(item.func).endswith((".node", ".nodes")):
@@ -226,7 +226,7 @@ def _is_manager(source: Source, function: Function) -> bool:
 
 
 def _yields_locked(source: Source, function: Function, managers: frozenset[str]) -> bool:
-    yields = [item for item in ast.walk(function) if isinstance(item, ast.Yield) and source.owner(item) is function]
+    yields = [item for item in walk(function) if isinstance(item, ast.Yield) and source.owner(item) is function]
     return bool(yields) and all(_encloses(source, item, managers) for item in yields)
 
 
@@ -280,7 +280,7 @@ def _references(source: Source, known: Iterable[str]) -> Iterator[tuple[str | No
 
 def _kept(source: Source, call: ast.Call, owner: Function) -> bool:
     """True when the camera goes into an attribute, a global or a container, at once or by its name."""
-    shared = {name for item in ast.walk(owner) if isinstance(item, ast.Global | ast.Nonlocal) for name in item.names}
+    shared = {name for item in walk(owner) if isinstance(item, ast.Global | ast.Nonlocal) for name in item.names}
     statement = source.parents.get(call)
     while statement is not None and not isinstance(statement, ast.stmt):
         if isinstance(statement, ast.Call) and _stores(statement):
@@ -292,7 +292,7 @@ def _kept(source: Source, call: ast.Call, owner: Function) -> bool:
     if any(not isinstance(item, ast.Name) or item.id in shared for item in targets):
         return True
     names = {item.id for item in targets if isinstance(item, ast.Name)}
-    return any(_hands_on(item, names, shared) for item in ast.walk(owner))
+    return any(_hands_on(item, names, shared) for item in walk(owner))
 
 
 def _stores(call: ast.Call) -> bool:
@@ -303,7 +303,7 @@ def _hands_on(node: ast.AST, names: set[str], shared: set[str]) -> bool:
     """Whether a statement puts what one of the names stands for into something that outlives the call."""
     if isinstance(node, ast.Call) and _stores(node):
         given = [*node.args, *(item.value for item in node.keywords)]
-        return any(isinstance(item, ast.Name) and item.id in names for each in given for item in ast.walk(each))
+        return any(isinstance(item, ast.Name) and item.id in names for each in given for item in walk(each))
     if not isinstance(node, ast.Assign) or not isinstance(node.value, ast.Name) or node.value.id not in names:
         return False
     return any(not isinstance(item, ast.Name) or item.id in shared for item in node.targets)
@@ -321,13 +321,13 @@ def _released(source: Source, call: ast.Call, owner: Function) -> bool:
             return True
         if isinstance(above, ast.With | ast.AsyncWith) and given & _bound(above):
             return True
-    finals = [item for node in ast.walk(owner) if isinstance(node, ast.Try) for item in node.finalbody]
-    if any(_is_registered_release(item) for item in ast.walk(owner)):
+    finals = [item for node in walk(owner) if isinstance(node, ast.Try) for item in node.finalbody]
+    if any(_is_registered_release(item) for item in walk(owner)):
         return True
     return any(
         isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute) and node.func.attr in ("release", "close")
         for item in finals
-        for node in ast.walk(item)
+        for node in walk(item)
     )
 
 

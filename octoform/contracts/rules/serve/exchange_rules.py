@@ -12,7 +12,7 @@ from octoform.base.escaping import shown
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 # How many pictures a generated server takes of a camera that it has opened, up to the one that it keeps.
@@ -45,7 +45,7 @@ def _taken(source: Source, function: Function, depth: int) -> int:
 
 
 def _calls(source: Source, function: Function) -> Iterator[ast.Call]:
-    return (item for item in ast.walk(function) if isinstance(item, ast.Call) and source.owner(item) is function)
+    return (item for item in walk(function) if isinstance(item, ast.Call) and source.owner(item) is function)
 
 
 def _of_call(source: Source, call: ast.Call, depth: int) -> int:
@@ -217,14 +217,14 @@ def _has_limit(source: Source, call: ast.Call) -> bool:
         return not given or not all(isinstance(item, ast.Constant) and item.value is None for item in given)
     scope = source.owner(call) or source.tree
     waits = {"timeout", "in_waiting", "inWaiting", "select", "wait_for", "read_all"}
-    named = {item.attr for item in ast.walk(scope) if isinstance(item, ast.Attribute)}
+    named = {item.attr for item in walk(scope) if isinstance(item, ast.Attribute)}
     reads = any(True for _ in _calls_of(scope, _HEARS)) or isinstance(scope, ast.Module)
     return not reads or bool(waits & named)
 
 
 def _is_endless(source: Source, loop: ast.While) -> bool:
     """Whether nothing but the words of a device ends a loop that reads them."""
-    inside = [item for part in (loop.test, *loop.body) for item in ast.walk(part)]
+    inside = [item for part in (loop.test, *loop.body) for item in walk(part)]
     if not any(True for _ in _calls_of(loop, _HEARS)) or any(isinstance(item, ast.Yield) for item in inside):
         return False
     counted = {name for item in inside if isinstance(item, ast.AugAssign) and _is_step(item) for name in _stored(item)}
@@ -237,14 +237,14 @@ def _is_step(node: ast.AugAssign) -> bool:
 
 
 def _leaves(node: ast.If) -> bool:
-    return any(isinstance(item, ast.Break | ast.Return | ast.Raise) for part in node.body for item in ast.walk(part))
+    return any(isinstance(item, ast.Break | ast.Return | ast.Raise) for part in node.body for item in walk(part))
 
 
 def _bounds(source: Source, test: ast.expr, counted: set[str]) -> bool:
     """Whether a test comes true some time whatever a device reports: by the clock, a count, or that nothing came."""
     if isinstance(test, ast.Name | ast.NamedExpr):
         return True
-    for item in ast.walk(test):
+    for item in walk(test):
         if isinstance(item, ast.Call) and source.dotted(item.func) in _MEASURED | {"len"}:
             return True
         if isinstance(item, ast.Name) and (item.id in counted or item.id.rpartition("_")[2] in ("left", "remaining")):
@@ -270,14 +270,14 @@ RULES = (
 
 
 def _calls_of(tree: ast.AST, methods: frozenset[str]) -> Iterator[ast.Call]:
-    for item in ast.walk(tree):
+    for item in walk(tree):
         if isinstance(item, ast.Call) and isinstance(item.func, ast.Attribute) and item.func.attr in methods:
             yield item
 
 
 def opens_line(source: Source, function: Function) -> bool:
     """Whether a function opens a serial line, or asks for the node of one."""
-    calls = [item for item in ast.walk(function) if isinstance(item, ast.Call)]
+    calls = [item for item in walk(function) if isinstance(item, ast.Call)]
     if any(source.dotted(call.func).rpartition(".")[2] in _LINES for call in calls):
         return True
     nodes = [call for call in calls if isinstance(call.func, ast.Attribute) and call.func.attr in ("node", "nodes")]
@@ -286,7 +286,7 @@ def opens_line(source: Source, function: Function) -> bool:
 
 def _talk(source: Source, block: ast.AST) -> set[str]:
     """Whether a block writes to something and reads from something, itself or in what it calls."""
-    named = {source.dotted(item.func) for item in ast.walk(block) if isinstance(item, ast.Call)}
+    named = {source.dotted(item.func) for item in walk(block) if isinstance(item, ast.Call)}
     entered = source.entered_from(item for item in source.functions if item.name in named)
     places = [block, *entered]
     asks = any(True for place in places for _ in _calls_of(place, _ASKS))
@@ -307,7 +307,7 @@ def _set_later(source: Source, call: ast.Call) -> bool:
     scope = source.owner(call) or source.tree
     return any(
         isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store) and item.attr == "baudrate"
-        for item in ast.walk(scope)
+        for item in walk(scope)
     )
 
 
@@ -331,14 +331,14 @@ def _is_frame(source: Source, node: ast.expr, scope: Function, depth: int) -> bo
     if method == "join" and len(node.args) == 1 and isinstance(node.args[0], ast.List | ast.Tuple):
         return any(_is_frame(source, item, scope, depth + 1) for item in node.args[0].elts)
     if method == "encode" and isinstance(node.func, ast.Attribute):
-        parts = list(ast.walk(node.func.value))
+        parts = list(walk(node.func.value))
         signs = (item.value for item in parts if isinstance(item, ast.Constant) and isinstance(item.value, str))
         drawn = any(isinstance(item, ast.Call) and source.dotted(item.func) == "chr" for item in parts)
         return drawn or any(ord(sign) > 126 or ord(sign) < 9 for text in signs for sign in text)
     if name.startswith("struct.pack") or name.endswith(".to_bytes") or _UNPACKED.fullmatch(name):
         return True
     made = [item for item in source.functions if item.name == name]
-    returned = [(item, each) for item in made for each in ast.walk(item) if isinstance(each, ast.Return) and each.value]
+    returned = [(item, each) for item in made for each in walk(item) if isinstance(each, ast.Return) and each.value]
     return any(_is_frame(source, each.value, item, depth + 1) for item, each in returned if each.value is not None)
 
 
@@ -347,7 +347,7 @@ def _is_bound_to_frame(source: Source, name: str, scope: Function, depth: int) -
     filled = (item for item in _calls_of(scope, frozenset({"append", "extend"})) if _last_name(item) == name)
     if any(isinstance(part, ast.Constant) and type(part.value) is int for item in filled for part in item.args):
         return True
-    bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
+    bound = [item for item in walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
     return any(name in _stored(item) and _is_frame(source, item.value, scope, depth + 1) for item in bound)
 
 
@@ -358,7 +358,7 @@ def _is_list(node: ast.expr, scope: Function, depth: int) -> bool:
     if isinstance(node, ast.BinOp) and depth < 5:
         return _is_list(node.left, scope, depth + 1) or _is_list(node.right, scope, depth + 1)
     if isinstance(node, ast.Name) and depth < 5:
-        bound = [item for item in ast.walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
+        bound = [item for item in walk(scope) if isinstance(item, ast.Assign | ast.AugAssign)]
         return any(node.id in _stored(item) and _is_list(item.value, scope, depth + 1) for item in bound)
     return False
 
@@ -370,4 +370,4 @@ def _last_name(call: ast.Call) -> str:
 
 def _stored(statement: ast.Assign | ast.AugAssign) -> set[str]:
     targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-    return {item.id for target in targets for item in ast.walk(target) if isinstance(item, ast.Name)}
+    return {item.id for target in targets for item in walk(target) if isinstance(item, ast.Name)}

@@ -34,7 +34,7 @@ from octoform.contracts.rules.serve.origins import (
     last,
     touches,
 )
-from octoform.contracts.server_source import Function, Source
+from octoform.contracts.server_source import Function, Source, walk
 
 
 @lru_cache(maxsize=4)
@@ -70,6 +70,9 @@ class Flow(Deciding):
         self._known: dict[ast.AST, Origin] = {}
         self._seen: dict[ast.AST, Origin] = {}
         self._going: set[ast.AST] = set()
+        self._deciding = {}
+        self._results: dict[Function, list[ast.expr]] = {}
+        self._binders: dict[ast.Name, ast.comprehension | ast.Lambda | None] = {}
         self._settle()
 
     def of(self, node: ast.AST | None) -> Origin:
@@ -88,6 +91,11 @@ class Flow(Deciding):
 
     def results(self, function: Function) -> list[ast.expr]:
         """The values that a function returns or yields; a plain None is none."""
+        if function not in self._results:
+            self._results[function] = self._given_back(function)
+        return self._results[function]
+
+    def _given_back(self, function: Function) -> list[ast.expr]:
         out = []
         for item in self._inside(function):
             value = item.value if isinstance(item, ast.Return | ast.Yield | ast.YieldFrom) else None
@@ -97,7 +105,7 @@ class Flow(Deciding):
 
     def is_inner(self, node: ast.Name) -> bool:
         """Whether a comprehension or a lambda around a name binds it."""
-        return self._inner(node) is not None
+        return self._binder(node) is not None
 
     def plain(self, node: ast.Name) -> list[ast.AST]:
         """The expressions of which one is what a name stands for here; none where that cannot be determined."""
@@ -118,7 +126,7 @@ class Flow(Deciding):
         return found
 
     def _inside(self, function: Function) -> Iterator[ast.AST]:
-        return (item for item in ast.walk(function) if self._source.owner(item) is function)
+        return (item for item in walk(function) if self._source.owner(item) is function)
 
     def _settle(self) -> None:
         values = [item for item in self._source.nodes if isinstance(item, ast.expr)]
@@ -177,13 +185,25 @@ class Flow(Deciding):
 
     def _inner(self, node: ast.Name) -> Origin | None:
         """The origin of a name that a comprehension or a lambda around it binds; None where none does."""
+        binder = self._binder(node)
+        if isinstance(binder, ast.Lambda):
+            return self._any(binder.args.defaults) | self._lambda_given(binder)
+        return None if binder is None else self.of(binder.iter)
+
+    def _binder(self, node: ast.Name) -> ast.comprehension | ast.Lambda | None:
+        """What binds a name inside of an expression; it is the same one in every round."""
+        if node not in self._binders:
+            self._binders[node] = self._binder_of(node)
+        return self._binders[node]
+
+    def _binder_of(self, node: ast.Name) -> ast.comprehension | ast.Lambda | None:
         for above, _ in self._source.above(node):
             if isinstance(above, ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp):
                 for one in above.generators:
-                    if node.id in {item.id for item in ast.walk(one.target) if isinstance(item, ast.Name)}:
-                        return self.of(one.iter)
+                    if node.id in {item.id for item in walk(one.target) if isinstance(item, ast.Name)}:
+                        return one
             elif isinstance(above, ast.Lambda) and node.id in {item.arg for item in arguments(above)}:
-                return self._any(above.args.defaults) | self._lambda_given(above)
+                return above
         return None
 
     def _lambda_given(self, node: ast.Lambda) -> Origin:

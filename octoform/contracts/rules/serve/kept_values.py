@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import SELF, Origin, defaults
-from octoform.contracts.server_source import Function, Source
+from octoform.contracts.server_source import Function, Source, walk
 
 Cell = tuple[object, str]
 """Where a value is kept: what it belongs to (a function, the name of a class, None for the module), and its name."""
@@ -215,7 +215,7 @@ class Kept:
         if isinstance(below, ast.ExceptHandler):
             return any(self._mentions(item, cell) for item in tried.body)
         leaves = (ast.Raise, ast.Return)
-        quiet = [item for item in tried.handlers if not any(isinstance(each, leaves) for each in ast.walk(item))]
+        quiet = [item for item in tried.handlers if not any(isinstance(each, leaves) for each in walk(item))]
         return below in tried.body and any(not self._mentions(item, cell) for item in quiet)
 
     def _is_way_out(self, statement: ast.stmt, cell: Cell) -> bool:
@@ -223,7 +223,7 @@ class Kept:
         if not isinstance(statement, ast.If | ast.Try):
             return False
         told = [statement.test] if isinstance(statement, ast.If) else []
-        ends = [item for part in statement.body for item in ast.walk(part) if isinstance(item, ast.Return)]
+        ends = [item for part in statement.body for item in walk(part) if isinstance(item, ast.Return)]
         return any(self._mentions(item, cell) for item in (*told, *ends)) and bool(ends)
 
     def _is_of_a_thread(self, function: Function, place: ast.AST) -> bool:
@@ -233,14 +233,14 @@ class Kept:
             for call, name in self._source.calls
             if name.rpartition(".")[2] in _THREADS
             for item in (*call.args, *(each.value for each in call.keywords))
-            if function.name in {each.id for each in ast.walk(item) if isinstance(each, ast.Name)}
+            if function.name in {each.id for each in walk(item) if isinstance(each, ast.Name)}
         ]
         again = any(self._source.owner(call) is function for call in handed)
         loops = any(isinstance(above, ast.While) for above, _ in self._source.above(place))
         return bool(handed) and (loops or again)
 
     def _mentions(self, node: ast.AST, cell: Cell) -> bool:
-        for item in ast.walk(node):
+        for item in walk(node):
             if isinstance(item, ast.Name | ast.Attribute | ast.Subscript) and self.cell(item) == cell:
                 return True
             if isinstance(item, ast.Call) and self._source.dotted(item.func) in ("hasattr", "getattr"):
@@ -253,7 +253,7 @@ class Kept:
         return False
 
     def _is_of(self, node: ast.AST, cell: Cell) -> bool:
-        chains = (item for item in ast.walk(node) if isinstance(item, ast.Name | ast.Attribute | ast.Subscript))
+        chains = (item for item in walk(node) if isinstance(item, ast.Name | ast.Attribute | ast.Subscript))
         return any(self.cell(item) == cell for item in chains)
 
 
@@ -267,7 +267,7 @@ def _targets(target: ast.expr) -> Iterable[ast.expr]:
 
 def _stored(statement: ast.Assign | ast.AnnAssign) -> set[str]:
     targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-    return {item.id for target in targets for item in ast.walk(target) if isinstance(item, ast.Name)}
+    return {item.id for target in targets for item in walk(target) if isinstance(item, ast.Name)}
 
 
 def _before(above: ast.AST, below: ast.AST) -> list[ast.stmt]:

@@ -14,7 +14,7 @@ from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.movement_words import commands_something, spoken
 from octoform.contracts.rules.raw_line_rules import cure, unknown_lines
 from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions, tool_sites
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 CODE = "SERVE-LINE-WRITTEN"
@@ -88,7 +88,7 @@ def listening(value: str) -> frozenset[str]:
         for site in tool_sites(source)
         if site.name is not None
         and tool_functions(source, site)
-        and all(_listens(source, node) for part in _reached(source, site) for node in ast.walk(part))
+        and all(_listens(source, node) for part in _reached(source, site) for node in walk(part))
     )
 
 
@@ -97,7 +97,7 @@ def on_a_line(value: str) -> frozenset[str]:
     source = needed_source(value)
     found = set()
     for site in tool_sites(source):
-        for node in (item for part in _reached(source, site) for item in ast.walk(part)):
+        for node in (item for part in _reached(source, site) for item in walk(part)):
             name = source.names.get(node.id, "").partition(".")[0] if isinstance(node, ast.Name) else ""
             if (isinstance(node, ast.Constant) and node.value in RAW) or name in _FINDING:
                 found.add(site.name or "")
@@ -110,7 +110,7 @@ def _reached(source: Source, site: ToolSite) -> list[ast.AST]:
     for statement in source.tree.body:
         if isinstance(statement, ast.Assign | ast.AnnAssign | ast.AugAssign):
             targets = statement.targets if isinstance(statement, ast.Assign) else [statement.target]
-            for target in (each for one in targets for each in ast.walk(one)):
+            for target in (each for one in targets for each in walk(one)):
                 if isinstance(target, ast.Name):
                     bound.setdefault(target.id, []).append(statement)
     for node in source.nodes:
@@ -124,7 +124,7 @@ def _reached(source: Source, site: ToolSite) -> list[ast.AST]:
         if part in found:
             continue
         found.append(part)
-        for item in ast.walk(part):
+        for item in walk(part):
             name = item.id if isinstance(item, ast.Name) else item.attr if isinstance(item, ast.Attribute) else ""
             queue += [] if name in servers else bound.get(name, [])
     return found
@@ -133,7 +133,7 @@ def _reached(source: Source, site: ToolSite) -> list[ast.AST]:
 def _writing(source: Source, parts: list[ast.AST]) -> Iterator[tuple[ast.AST, str]]:
     """(node, what is wrong) of each place that may send more than a constant question."""
     used = [part for part in parts if isinstance(part, ast.FunctionDef | ast.AsyncFunctionDef)]
-    for node in (item for part in parts for item in ast.walk(part)):
+    for node in (item for part in parts for item in walk(part)):
         name = source.dotted(node) if isinstance(node, ast.Name | ast.Attribute) else ""
         if name in _HIDING or name.rpartition(".")[2] in _HANDING_ON:
             yield node, f"{name} hides what is called"
@@ -236,7 +236,7 @@ def _bindings(source: Source, name: ast.Name, used: list[Function]) -> list[ast.
             if name.id in names:
                 return _given(source, scope, names.index(name.id), name.id, used)
         inside = scope.body if isinstance(scope, ast.Module) else [scope]
-        for item in (each for part in inside for each in ([part] if isinstance(scope, ast.Module) else ast.walk(part))):
+        for item in (each for part in inside for each in ([part] if isinstance(scope, ast.Module) else walk(part))):
             found += list(_bound_by(item, name.id))
         if found:
             return found
@@ -253,7 +253,7 @@ def _bound_by(item: ast.AST, name: str) -> Iterator[ast.expr]:
     else:
         return
     for target, value in pairs:
-        if any(isinstance(part, ast.Name) and part.id == name for part in ast.walk(target)):
+        if any(isinstance(part, ast.Name) and part.id == name for part in walk(target)):
             yield value
 
 
@@ -311,7 +311,7 @@ def _attribute_listens(source: Source, node: ast.Attribute) -> bool:
     if node.attr.startswith("__") or node.attr.startswith(("write", "touch", "unlink", "send", "methodcaller")):
         return False
     if name == "os.open":
-        flags = [item for arg in call.args[1:2] for item in ast.walk(arg)] if call is not None else []
+        flags = [item for arg in call.args[1:2] for item in walk(arg)] if call is not None else []
         named = {item.attr for item in flags if isinstance(item, ast.Attribute)}
         plain = all(isinstance(item, ast.Attribute | ast.Name | ast.BinOp | ast.BitOr | ast.Load) for item in flags)
         return (

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from enum import IntFlag
 from typing import TypeGuard
 
-from octoform.contracts.server_source import Function, Source
+from octoform.contracts.server_source import Function, Source, walk
 
 
 class Origin(IntFlag):
@@ -29,6 +29,15 @@ class Origin(IntFlag):
     DEVICE = 64
     CLOCK = 128
 
+    def __or__(self, other: int) -> "Origin":
+        return _ORIGINS[int.__or__(self, other)]
+
+    def __and__(self, other: int) -> "Origin":
+        return _ORIGINS[int.__and__(self, other)]
+
+
+_ORIGINS = tuple(Origin(value) for value in range(256))
+"""By their numbers: a server takes some hundred thousand unions, and the ones of the library look each value up."""
 
 ROUNDS = 12
 ELSEWHERE = re.compile(
@@ -126,10 +135,10 @@ def leads_out(statement: ast.AST) -> TypeGuard[ast.If | ast.While]:
     if not isinstance(statement, ast.If):
         return False
     ways = (ast.Return, ast.Raise, ast.Break, ast.Continue)
-    leaves = any(isinstance(item, ways) for part in statement.body for item in ast.walk(part))
+    leaves = any(isinstance(item, ways) for part in statement.body for item in walk(part))
     only_raises = all(isinstance(item, ast.Raise) for item in statement.body)
     absent = ast.Is | ast.IsNot
-    compares = [item for item in ast.walk(statement.test) if isinstance(item, ast.Compare)]
+    compares = [item for item in walk(statement.test) if isinstance(item, ast.Compare)]
     tells = any(not isinstance(operator, absent) for item in compares for operator in item.ops)
     return leaves and (tells or not only_raises)
 
@@ -168,6 +177,7 @@ class Deciding(ABC):
     """What decides whether a statement of a file runs, of what was read."""
 
     _source: Source
+    _deciding: dict[ast.AST, tuple[tuple[ast.expr, ...], tuple[ast.expr, ...]]]
 
     @abstractmethod
     def of(self, node: ast.AST | None) -> Origin:
@@ -176,13 +186,8 @@ class Deciding(ABC):
     def control(self, node: ast.AST) -> Origin:
         """What decides whether a statement runs, of what was read: not whom the caller named."""
         found = Origin.NONE
-        for above, below in self._source.above(node):
-            if isinstance(above, ast.If | ast.While) and below is not above.test:
-                found |= self.of(above.test)
-            elif isinstance(above, ast.For | ast.AsyncFor) and below is not above.iter:
-                found |= self.of(above.iter)
-            elif isinstance(above, ast.Match) and below is not above.subject:
-                found |= self.of(above.subject)
+        for test in self._decided_by(node)[0]:
+            found |= self.of(test)
         return (found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)) | self.past(node)
 
     def past(self, node: ast.AST) -> Origin:
@@ -190,15 +195,34 @@ class Deciding(ABC):
 
         A way out where nothing was read is none: anyone who makes up a result may still look whether there is one.
         """
-        owner, found = self._source.owner(node), Origin.NONE
+        found = Origin.NONE
+        for test in self._decided_by(node)[1]:
+            found |= self.of(test)
+        return found & (Origin.READ | Origin.SYSTEM)
+
+    def _decided_by(self, node: ast.AST) -> tuple[tuple[ast.expr, ...], tuple[ast.expr, ...]]:
+        """The tests around a node, and those of the ways out before it; they are where they are in every round."""
+        if node not in self._deciding:
+            self._deciding[node] = tuple(self._around(node)), tuple(self._ways_out(node))
+        return self._deciding[node]
+
+    def _around(self, node: ast.AST) -> Iterator[ast.expr]:
+        for above, below in self._source.above(node):
+            if isinstance(above, ast.If | ast.While) and below is not above.test:
+                yield above.test
+            elif isinstance(above, ast.For | ast.AsyncFor) and below is not above.iter:
+                yield above.iter
+            elif isinstance(above, ast.Match) and below is not above.subject:
+                yield above.subject
+
+    def _ways_out(self, node: ast.AST) -> Iterator[ast.expr]:
+        owner = self._source.owner(node)
         below, above = node, self._source.parents.get(node)
         while above is not None and below is not owner:
             for _, block in ast.iter_fields(above):
                 before = block[: block.index(below)] if isinstance(block, list) and below in block else []
-                for item in before:
-                    found |= self.of(item.test) if leads_out(item) else Origin.NONE
+                yield from (item.test for item in before if leads_out(item))
             below, above = above, self._source.parents.get(above)
-        return found & (Origin.READ | Origin.SYSTEM)
 
 
 # Where the names of a generated server get their values: every binding, and those that reach one use of a name.
@@ -238,6 +262,7 @@ class Bindings:
 
     def __init__(self, source: Source) -> None:
         self._source = source
+        self._reaching: dict[ast.Name, tuple[list[Binding], bool]] = {}
         self._of: dict[Function | None, dict[str, list[Binding]]] = defaultdict(lambda: defaultdict(list))
         self.attributes: dict[str, list[Binding]] = defaultdict(list)
         self._parameters = {
@@ -277,6 +302,11 @@ class Bindings:
 
     def reaching(self, use: ast.Name) -> tuple[list[Binding], bool]:
         """The bindings of which one gives the name its value here, and whether a parameter's may still hold."""
+        if use not in self._reaching:
+            self._reaching[use] = self._found_for(use)
+        return self._reaching[use]
+
+    def _found_for(self, use: ast.Name) -> tuple[list[Binding], bool]:
         scope = self.scope(use, use.id)
         every = self.of(scope, use.id)
         if self._source.owner(use) is not scope or scope is None:
@@ -332,7 +362,7 @@ class Bindings:
     def _add_attributes(self, node: ast.AST) -> None:
         """What is stored into attributes, and the fields of classes."""
         for target, value in _pairs(node):
-            for item in ast.walk(target):
+            for item in walk(target):
                 if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store):
                     self.attributes[item.attr].append(Binding(node, value))
         if isinstance(node, ast.ClassDef):
@@ -400,7 +430,7 @@ def _unpacked(target: ast.expr, value: ast.expr) -> Iterator[tuple[ast.expr, ast
 
 
 def _named(node: ast.AST, target: ast.expr, value: ast.expr, added: bool) -> Iterator[tuple[str, Binding]]:
-    for item in ast.walk(target):
+    for item in walk(target):
         if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store):
             yield item.id, Binding(node, value, whole=not added, counts=added)
         elif isinstance(item, ast.Attribute | ast.Subscript) and isinstance(item.ctx, ast.Store):

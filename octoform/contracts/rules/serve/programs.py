@@ -4,7 +4,7 @@ import ast
 
 from octoform.contracts.rules.serve.code_rules import SPAWN, literal
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
-from octoform.contracts.server_source import Source, needed_source
+from octoform.contracts.server_source import Source, needed_source, walk
 
 _MISSING = frozenset({"FileNotFoundError", "OSError", "Exception"})
 
@@ -43,7 +43,7 @@ def started_blindly(value: str) -> dict[str, int]:
 
 
 def _catches_missing(handler: ast.ExceptHandler) -> bool:
-    kinds = ast.walk(handler.type) if handler.type else ()
+    kinds = walk(handler.type) if handler.type else ()
     return not handler.type or any(isinstance(item, ast.Name) and item.id in _MISSING for item in kinds)
 
 
@@ -66,16 +66,16 @@ def _has_other_way(source: Source, call: ast.Call) -> bool:
     """Whether a tool goes on where the program is missing: it looks first, or catches that and does not raise."""
     for above, below in source.above(call):
         if isinstance(above, ast.If) and below is not above.test and above.orelse:
-            looks = (item for item in ast.walk(above.test) if isinstance(item, ast.Call))
+            looks = (item for item in walk(above.test) if isinstance(item, ast.Call))
             if any(source.dotted(item.func) == "shutil.which" for item in looks):
                 return True
         if isinstance(above, ast.Try) and below in above.body:
             for handler in above.handlers:
                 names = (
-                    {item.id for item in ast.walk(handler.type) if isinstance(item, ast.Name)}
+                    {item.id for item in walk(handler.type) if isinstance(item, ast.Name)}
                     if handler.type
                     else {"OSError"}
                 )
-                if names & _MISSING and not any(isinstance(item, ast.Raise) for item in ast.walk(handler)):
+                if names & _MISSING and not any(isinstance(item, ast.Raise) for item in walk(handler)):
                     return True
     return False

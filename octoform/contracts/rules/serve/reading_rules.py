@@ -14,7 +14,7 @@ from octoform.contracts.rules.serve.flow import Flow, flow_of
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.places import constants, literal_places
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _ELSEWHERE = re.compile(
@@ -116,7 +116,7 @@ def _always_raises(source: Source, body: list[ast.stmt], entered: frozenset[str]
     for statement in body:
         if _raises(source, statement, entered):
             return True
-        if any(isinstance(item, ast.Return | ast.Yield | ast.YieldFrom) for item in ast.walk(statement)):
+        if any(isinstance(item, ast.Return | ast.Yield | ast.YieldFrom) for item in walk(statement)):
             return False
     return False
 
@@ -179,20 +179,19 @@ def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonO
     missing = sorted(set(tool["devices"]) - names)
     if given and all(known) and missing:
         return f"asks for {listed(sorted(names))} whichever device is named: it never reaches {listed(missing)}"
-    for part in (each for item in given if item is not None for each in ast.walk(item)):
+    for part in (each for item in given if item is not None for each in walk(item)):
         changed = (
             isinstance(part, ast.Call) and isinstance(part.func, ast.Attribute) and part.func.attr in _CHANGES_TEXT
         )
         sliced = isinstance(part, ast.Subscript) and isinstance(part.slice, ast.Slice)
         if (changed or sliced) and flow.of(part) & Origin.DEVICE:
             return "asks for another id than the one that the caller names"
-    for node in source.nodes if asked else ():
-        if isinstance(node, ast.Dict):
-            pairs = [
-                (constants(flow, key), constants(flow, each)) for key, each in zip(node.keys, node.values, strict=True)
-            ]
-            if any(one and two and one != two and (one | two) <= set(tool["devices"]) for one, two in pairs):
-                return "asks for another device than the one that the caller names"
+    for node in source.by_kind[ast.Dict] if asked else ():
+        pairs = [
+            (constants(flow, key), constants(flow, each)) for key, each in zip(node.keys, node.values, strict=True)
+        ]
+        if any(one and two and one != two and (one | two) <= set(tool["devices"]) for one, two in pairs):
+            return "asks for another device than the one that the caller names"
     return None
 
 
@@ -201,8 +200,8 @@ def _names_another(source: Source, roots: list[Function], tool: JsonObject, arti
     known = {device for each in (artifacts.interface or {"tools": []})["tools"] for device in each["devices"]}
     written = {
         node.value
-        for node in source.nodes
-        if isinstance(node, ast.Constant) and isinstance(node.value, str) and source.owner(node) in roots
+        for node in source.by_kind[ast.Constant]
+        if isinstance(node.value, str) and source.owner(node) in roots
     }
     foreign = sorted(written & (known - set(tool["devices"])))
     return f"names {listed(foreign)}, which INTERFACE does not give it" if foreign else None
@@ -212,9 +211,8 @@ def _falls_back(source: Source, used: list[Function], tool: JsonObject) -> str |
     """What is wrong with a tool of several devices that goes on with one of them where the wanted one fails."""
     if len(tool["devices"]) < 2:
         return None
-    for node in source.nodes:
-        written = isinstance(node, ast.Constant) and node.value in tool["devices"]
-        given = written and isinstance(source.parents.get(node), ast.Call | ast.keyword)
+    for node in source.by_kind[ast.Constant]:
+        given = node.value in tool["devices"] and isinstance(source.parents.get(node), ast.Call | ast.keyword)
         handled = given and any(isinstance(above, ast.ExceptHandler) for above, _ in source.above(node))
         if handled and source.owner(node) in used:
             return "goes on with another device where the one that the caller names fails"

@@ -12,7 +12,7 @@ from octoform.base.escaping import escaped, listed, shown
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.script_header import interface_errors
-from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
+from octoform.contracts.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_PROBLEM = 500
@@ -174,7 +174,7 @@ def served_tools(source: Source, artifacts: Artifacts) -> Iterator[tuple[ToolSit
 
 def tool_functions(source: Source, site: ToolSite) -> list[Function]:
     """The functions that a call of the tool runs first: the registered one, or those that the registration names."""
-    named = {item.id for item in ast.walk(site.node) if isinstance(item, ast.Name)}
+    named = {item.id for item in walk(site.node) if isinstance(item, ast.Name)}
     called = isinstance(site.node, ast.Call)
     return [item for item in source.functions if item is site.node or (called and item.name in named)]
 

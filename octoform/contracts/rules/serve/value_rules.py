@@ -17,7 +17,7 @@ from octoform.contracts.rules.serve.kept_values import Kept
 from octoform.contracts.rules.serve.origins import Origin, last
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Source, needed_source
+from octoform.contracts.server_source import Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"
@@ -34,6 +34,7 @@ _DRAWN = re.compile(
 )
 _BLANK = re.compile(r"(?:numpy|np)\.(?:zeros|ones|full|empty)(?:_like)?|(?:PIL\.)?Image\.new")
 """A picture of one colour."""
+_SUBSTITUTING = (ast.Try, ast.With, ast.BoolOp, ast.IfExp, ast.If, ast.match_case, ast.Call)
 _BROAD = frozenset({"Exception", "BaseException", "OSError", "IOError", "DeviceFault", "DeviceAbsent", "BusBusy"})
 
 
@@ -60,6 +61,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """No number that INTERFACE declares as read is written in the file, computed of such, or drawn."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
+    stored = [(node, name, each) for node in source.nodes for name, each in _members(source, node)]
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
@@ -70,19 +72,13 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] != "read" or not units or not told & (Origin.READ | Origin.SYSTEM):
             continue
         used = source.entered_from(roots)
-        given = [
-            (node, name, each)
-            for node in source.nodes
-            if source.owner(node) in used
-            for name, each in _members(source, node)
-            if name in units
-        ]
+        given = [each for each in stored if each[1] in units and source.owner(each[0]) in used]
         for _, name, each in given:
             if _is_invented(source, flow, each):
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
-        for call in (node for node in source.nodes if source.owner(node) in used and _draws(source, flow, node)):
+        for call in (node for node, _ in source.calls if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
             hint = "return what was read as it is; a wait of chance belongs to time.sleep"
             out.setdefault(call, source.problem("SERVE-CONSTANT-READING", call, summary, hint))
@@ -94,10 +90,8 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-def _draws(source: Source, flow: Flow, node: ast.AST) -> bool:
+def _draws(source: Source, flow: Flow, node: ast.Call) -> bool:
     """Whether a number is drawn, or is a wave of the clock's, and for more than a wait, an order or a choice."""
-    if not isinstance(node, ast.Call):
-        return False
     name = source.dotted(node.func)
     counted = any(isinstance(above, ast.BinOp) for above, _ in source.above(node))
     if name in ("math.sin", "math.cos") and flow.of(node) == Origin.CLOCK:
@@ -168,7 +162,7 @@ def _members(source: Source, node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
 
 def _fields(source: Source, name: str) -> list[str]:
     """The members that a class of the file lists, in their order."""
-    owners = [item for item in source.nodes if isinstance(item, ast.ClassDef) and item.name == name]
+    owners = [item for item in source.classes if item.name == name]
     body = owners[0].body if len(owners) == 1 else []
     return [item.target.id for item in body if isinstance(item, ast.AnnAssign) and isinstance(item.target, ast.Name)]
 
@@ -214,7 +208,7 @@ class _Substitutes:
 
     def at(self, node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
         """(where, for what) of the number at one node."""
-        if self._orders(node):
+        if not isinstance(node, _SUBSTITUTING) or self._orders(node):
             return
         if isinstance(node, ast.Try):
             yield from self._after_failure(node)
@@ -299,7 +293,7 @@ class _Substitutes:
         absent = _branch_of_none(node.test, node.body, node.orelse)
         if absent is None and isinstance(node.test, ast.Name | ast.Call | ast.Subscript | ast.Attribute):
             absent = node.orelse if self._is_read(node.test) and self._is_read(node.body) else None
-            divided = {ast.unparse(item.right) for item in ast.walk(node.body) if isinstance(item, ast.BinOp)}
+            divided = {ast.unparse(item.right) for item in walk(node.body) if isinstance(item, ast.BinOp)}
             follows = absent is not None and _is_zero(absent) and _of_nothing(node.body, node.test)
             absent = None if ast.unparse(node.test) in divided or follows else absent
         if absent is not None and self._is_number(absent) and not _is_optional(node.test):
@@ -327,16 +321,14 @@ class _Substitutes:
     def _after_failure(self, node: ast.Try) -> Iterator[tuple[ast.AST, str]]:
         read = {target.id for item in node.body for target in _targets(item)}
         for handler in node.handlers:
-            ends = any(
-                isinstance(item, ast.Raise | ast.Return | ast.Continue | ast.Break) for item in ast.walk(handler)
-            )
-            for item in ast.walk(handler):
+            ends = any(isinstance(item, ast.Raise | ast.Return | ast.Continue | ast.Break) for item in walk(handler))
+            for item in walk(handler):
                 returned = isinstance(item, ast.Return) and item.value is not None and self._of_numbers(item.value)
                 returned = returned or (isinstance(item, ast.Return) and _says_nothing(item, handler))
                 assigned = isinstance(item, ast.Assign) and self._is_number(item.value) and read & _names(item)
                 if returned or assigned:
                     yield item, "a reading that failed"
-            if not ends and not any(read & _names(item) for item in ast.walk(handler)):
+            if not ends and not any(read & _names(item) for item in walk(handler)):
                 yield from self._preset(node, read)
 
     def _suppressed(self, node: ast.With) -> Iterator[tuple[ast.AST, str]]:
@@ -367,7 +359,7 @@ class _Substitutes:
         """``if not value: value = 0``"""
         if not isinstance(test, ast.UnaryOp) or not isinstance(test.op, ast.Not) or _is_optional(test):
             return False
-        asked = {item.id for item in ast.walk(test) if isinstance(item, ast.Name)}
+        asked = {item.id for item in walk(test) if isinstance(item, ast.Name)}
         same = isinstance(statement, ast.Assign) and bool(asked & _names(statement))
         return same and self._is_read(test.operand) and self._gives_number(statement)
 
@@ -400,7 +392,7 @@ def _says_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
     """Whether a handler of whatever goes wrong returns a record with empty lists, as if there were nothing."""
     kinds = [handler.type] if not isinstance(handler.type, ast.Tuple) else handler.type.elts
     broad = any(item is None or last(item) in _BROAD for item in kinds)
-    parts = list(ast.walk(node))
+    parts = list(walk(node))
     lists = [item for item in parts if isinstance(item, ast.List)]
     told = any(isinstance(item, ast.Name) and item.id == handler.name for item in parts)
     told = told or any(
@@ -414,21 +406,21 @@ def _is_optional(node: ast.expr) -> bool:
     """Whether an offset, a scale or how often something came about is read: without one the kernel means 0 and 1
     (ABI/testing/sysfs-bus-iio).
     """
-    names = (item.id for item in ast.walk(node) if isinstance(item, ast.Name))
-    texts = (item.value for item in ast.walk(node) if isinstance(item, ast.Constant) and isinstance(item.value, str))
+    names = (item.id for item in walk(node) if isinstance(item, ast.Name))
+    texts = (item.value for item in walk(node) if isinstance(item, ast.Constant) and isinstance(item.value, str))
     return any(word in text.casefold() for text in (*names, *texts) for word in _OPTIONAL)
 
 
 def _targets(statement: ast.stmt) -> Iterator[ast.Name]:
     """What a statement sets; what is added to a sum was there before."""
-    added = {item.target for item in ast.walk(statement) if isinstance(item, ast.AugAssign)}
-    for item in ast.walk(statement):
+    added = {item.target for item in walk(statement) if isinstance(item, ast.AugAssign)}
+    for item in walk(statement):
         if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store) and item not in added:
             yield item
 
 
 def _names(node: ast.AST) -> set[str]:
-    return {item.id for item in ast.walk(node) if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}
+    return {item.id for item in walk(node) if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store)}
 
 
 def _is_zero(node: ast.expr) -> bool:
@@ -440,7 +432,7 @@ _KEPT_ZERO = frozenset({"abs", "round", "float", "int"})
 
 def _mentions(node: ast.expr, series: ast.expr | None) -> bool:
     wanted = ast.unparse(series) if series is not None else None
-    return wanted is None or any(ast.unparse(item) == wanted for item in ast.walk(node) if isinstance(item, ast.expr))
+    return wanted is None or any(ast.unparse(item) == wanted for item in walk(node) if isinstance(item, ast.expr))
 
 
 def _of_one(node: ast.expr, series: ast.expr) -> bool:

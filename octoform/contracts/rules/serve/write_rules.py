@@ -13,7 +13,7 @@ from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.places import folded
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
@@ -90,11 +90,12 @@ def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     has_units = any(source.dotted(node).startswith("runtime.units") for node in source.nodes)
     hint = "leave it out; a tool that moves or switches something has the effect actuate in INTERFACE"
+    acting = [(node, what) for node in source.nodes if (what := _acts(node, has_units))]
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         used = source.entered_from(tool_functions(source, site)) if tool["effect"] == "read" else []
-        for node, what in ((node, _acts(node, has_units)) for node in source.nodes):
-            if not what or node in out or source.owner(node) not in used:
+        for node, what in acting:
+            if node in out or source.owner(node) not in used:
                 continue
             if not isinstance(node, ast.Call) or not _switched_off(source, node, used):
                 summary = f"{what}, and the tool {shown(site.name or '')} has the effect read"
@@ -127,7 +128,7 @@ def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
     if name in ("open", "io.open", "os.fdopen"):
         return _opens_to_write(source, flow, call, call.args[0] if call.args else None, call.args[1:2])
     if name == "os.open":
-        flags = {source.dotted(item).rpartition(".")[2] for arg in call.args[1:2] for item in ast.walk(arg)}
+        flags = {source.dotted(item).rpartition(".")[2] for arg in call.args[1:2] for item in walk(arg)}
         # Who asks a device through its node writes the question.
         writing = flags & {"O_WRONLY", "O_CREAT", "O_TRUNC", "O_APPEND"}
         return bool(writing) or ("O_RDWR" in flags and not is_node_path(source, call.args[0], call))
@@ -139,7 +140,7 @@ def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
 def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) -> bool:
     """Whether a call tells something else to change: a program, a library's method, a line of text."""
     if name.startswith("subprocess."):
-        words = [str(item.value) for arg in call.args[:1] for item in ast.walk(arg) if isinstance(item, ast.Constant)]
+        words = [str(item.value) for arg in call.args[:1] for item in walk(arg) if isinstance(item, ast.Constant)]
         return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
     if isinstance(call.func, ast.Call) and source.dotted(call.func.func) == "getattr":
         return not isinstance(call.func.args[1] if len(call.func.args) > 1 else None, ast.Constant)
@@ -160,7 +161,7 @@ def _switched_off(source: Source, call: ast.Call, used: list[Function]) -> bool:
     """Whether a call is under an ``if`` about an optional parameter that none of these functions gives."""
     owner = source.owner(call)
     tests = [above.test for above, below in source.above(call) if isinstance(above, ast.If) and below in above.body]
-    asked = {item.id for test in tests for item in ast.walk(test) if isinstance(item, ast.Name)}
+    asked = {item.id for test in tests for item in walk(test) if isinstance(item, ast.Name)}
     optional = {} if owner is None else _optional(owner)
     switches = {name: index for name, index in optional.items() if name in asked}
     if owner is None or not switches:
@@ -204,19 +205,17 @@ def _opens_to_write(
 
 def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:
     """Whether a path is made by ``tempfile``, directly or by way of names of the same function."""
-    names = {item.id for item in ast.walk(path) if isinstance(item, ast.Name)}
+    names = {item.id for item in walk(path) if isinstance(item, ast.Name)}
     scope = source.owner(call)
     for _ in range(4):  # a path of a path of a folder
-        if any(source.dotted(item).startswith("tempfile.") for item in ast.walk(path)) or names & _temporary(
-            source, scope
-        ):
+        if any(source.dotted(item).startswith("tempfile.") for item in walk(path)) or names & _temporary(source, scope):
             return True
         more = {
             item.id
-            for statement in (ast.walk(scope) if scope is not None else ())
+            for statement in (walk(scope) if scope is not None else ())
             if isinstance(statement, ast.Assign)
             and any(isinstance(target, ast.Name) and target.id in names for target in statement.targets)
-            for item in ast.walk(statement.value)
+            for item in walk(statement.value)
             if isinstance(item, ast.Name)
         }
         if more <= names:
@@ -229,13 +228,13 @@ def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:
 def _temporary(source: Source, scope: Function | None) -> frozenset[str]:
     """The names that a function binds to something of ``tempfile``."""
     found: set[str] = set()
-    for item in ast.walk(scope) if scope is not None else ():
+    for item in walk(scope) if scope is not None else ():
         bound: list[tuple[ast.expr | None, ast.expr]] = []
         if isinstance(item, ast.Assign):
             bound = [(target, item.value) for target in item.targets]
         elif isinstance(item, ast.With | ast.AsyncWith):
             bound = [(each.optional_vars, each.context_expr) for each in item.items]
         for target, value in bound:
-            if target is not None and any(source.dotted(part).startswith("tempfile.") for part in ast.walk(value)):
-                found |= {name.id for name in ast.walk(target) if isinstance(name, ast.Name)}
+            if target is not None and any(source.dotted(part).startswith("tempfile.") for part in walk(value)):
+                found |= {name.id for name in walk(target) if isinstance(name, ast.Name)}
     return frozenset(found)
