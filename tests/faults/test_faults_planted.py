@@ -296,7 +296,7 @@ def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attem
 ) -> None:
     """Deeper than Python's stack and longer than a path may be; and what was planted beside goes all the same."""
     project = attacked.project
-    nest = f'{sys.executable} -c "{NEST.format(attacked.words(place))}"'
+    nest = f'"{sys.executable}" -c "{NEST.format(attacked.words(place))}"'
     plant = f"mkdir -p {project.folder}/profiles; echo planted > {project.folder}/profiles/x.md"
     try:
         project.script = {"probe": [{"shell": f"{nest}; {plant}"}, "good"]}

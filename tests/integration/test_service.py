@@ -17,6 +17,7 @@ import pytest
 import warm
 from launched import Launched, launched, tool
 from projects import OCTOFORM
+from python_programs import python_program
 from terminals import Terminal
 
 from octoform.daemon.repair.restart import restart
@@ -26,7 +27,7 @@ from octoform.endpoint.process.start_stop import start, stop
 from octoform.endpoint.process.systemd import unit_text, watch_text
 from octoform.state.layout import Layout
 
-SYSTEMCTL = """#!{python}
+SYSTEMCTL = """
 import json, os, shlex, signal, subprocess, sys
 from pathlib import Path
 
@@ -99,9 +100,7 @@ class Systemd:
         self.units = folder / "config" / "systemd" / "user"
         programs = folder / "bin"
         programs.mkdir(parents=True)
-        program = programs / "systemctl"
-        program.write_text(SYSTEMCTL.replace("{python}", sys.executable).replace("{folder!r}", repr(str(folder))))
-        program.chmod(0o700)
+        python_program(programs / "systemctl", SYSTEMCTL.replace("{folder!r}", repr(str(folder))))
         path = f"{programs}:{os.environ['PATH']}"
         self.environ = {"PATH": path, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config")}
 

@@ -19,7 +19,7 @@ esac
 """
 NEW = """#!/bin/sh
 case "$*" in
-    *hashlib*) exec {real} "$@" ;;
+    *hashlib*) exec '{real}' "$@" ;;
     "-m venv"*) mkdir -p .venv/bin; ln -sf "$0" .venv/bin/python ;;
     "-m uv --version") ;;
     "-m uv pip install"*)

@@ -3,7 +3,6 @@
 import json
 import os
 import stat
-import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -12,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 
 import pytest
+from python_programs import python_program
 
 from octoform.daemon import notices, webhook
 from octoform.daemon.model import Alert
@@ -39,13 +39,12 @@ def at_once(_: float) -> bool:
 
 
 def test_a_program_gets_the_alert_and_next_to_nothing_of_the_environment(tmp_path: Path) -> None:
-    program = tmp_path / "tell"
-    program.write_text(
-        f"#!{sys.executable}\nimport json, os, sys\n"
+    python_program(
+        tmp_path / "tell",
+        "import json, os, sys\n"
         "told = [sys.argv[1:], json.load(sys.stdin), sorted(os.environ), os.getcwd()]\n"
-        "print(json.dumps(told), file=open('out', 'w'))"
+        "print(json.dumps(told), file=open('out', 'w'))",
     )
-    program.chmod(0o755)
     environ = {"PATH": os.environ["PATH"], "HOME": "/root", "API_KEY": SECRET, "LC_CTYPE": "C.UTF-8"}
     assert Command(("./tell", "${X} {y}", "a b"), tmp_path, environ)(ALERT) is None
     argv, document, names, folder = json.loads((tmp_path / "out").read_text())
@@ -60,7 +59,8 @@ def test_a_program_gets_the_alert_and_next_to_nothing_of_the_environment(tmp_pat
         "stamp": "2026-11-22T03:12:40Z",
         "hint": "octoform health",
     }
-    assert set(names) <= {"PATH", "HOME", "LC_CTYPE"}  # Python itself sets the last one
+    own = {"LC_CTYPE", "PWD", "OLDPWD", "SHLVL", "_"}  # set by Python, and by the shell that starts it
+    assert set(names) <= {"PATH", "HOME"} | own
     assert folder == str(tmp_path)
 
 

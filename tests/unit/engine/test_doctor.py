@@ -2,7 +2,6 @@
 
 import json
 import socket
-import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from model_server import ModelServer, serve
+from python_programs import python_program
 
 from octoform.cli.main import main
 from octoform.engine.doctor import Diagnosis, diagnose
@@ -35,11 +35,7 @@ class Bench:
         return self.folder / "bin"
 
     def program(self, name: str, code: str) -> Path:
-        self.bin.mkdir(exist_ok=True)
-        path = self.bin / name
-        path.write_text(f"#!{sys.executable} -IS\n{code}\n")
-        path.chmod(0o755)
-        return path
+        return python_program(self.bin / name, code, "-IS")
 
     def manifest(self, *lines: str) -> None:
         (self.folder / "octopus.yaml").write_text("\n".join(("version: 1", "host: bench", *lines)) + "\n")

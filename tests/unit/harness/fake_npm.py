@@ -1,11 +1,12 @@
 """A machine with a node and an npm of a test's own making: small real programs in a folder that is the whole PATH."""
 
 import json
-import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
+
+from python_programs import head, python_program
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.atomic_install import Setup
@@ -30,7 +31,7 @@ def put(version=version, program=PROGRAM, binary="agent"):
     package = prefix / "node_modules" / name
     package.mkdir(parents=True)
     (package / "package.json").write_text(json.dumps({"version": version}))
-    (package / "cli").write_text("#!" + sys.executable + " -IS\\n" + program)
+    (package / "cli").write_text(HEAD + program)
     (package / "cli").chmod(0o755)
     (prefix / "node_modules" / ".bin").mkdir()
     (prefix / "node_modules" / ".bin" / binary).symlink_to("../" + name + "/cli")
@@ -47,11 +48,8 @@ with open(%r, "a") as stream:
 
 def script(path: Path, code: str, values: Mapping[str, str]) -> Path:
     """A Python program at ``path`` that begins with some values."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    head = f"#!{sys.executable} -IS\nimport json, os, pathlib, sys, time\n"
-    path.write_text(head + "".join(f"{name} = {value!r}\n" for name, value in values.items()) + code)
-    path.chmod(0o755)
-    return path
+    begin = "import json, os, pathlib, sys, time\n" + "".join(f"{name} = {value!r}\n" for name, value in values.items())
+    return python_program(path, begin + code, "-IS")
 
 
 @dataclass
@@ -84,7 +82,12 @@ class Machine:
     def npm(self, code: str = "put()", path: Path | None = None) -> None:
         """Give it an npm that does what ``code`` says; ``put()`` installs what was asked for."""
         program = PROGRAM % (RECORD, str(self.folder / "starts"), RECORD)
-        values = {"LOG": str(self.folder / "npm.log"), "FOLDER": str(self.folder), "PROGRAM": program}
+        values = {
+            "HEAD": head("-IS"),
+            "LOG": str(self.folder / "npm.log"),
+            "FOLDER": str(self.folder),
+            "PROGRAM": program,
+        }
         script(path or self.folder / "bin" / "npm", NPM + code + "\n", values)
 
     def calls(self) -> list[dict[str, Any]]:

@@ -185,7 +185,8 @@ def test_an_installation_that_is_cut_off_leaves_nothing_that_counts(machine: Mac
     waiting += "(pathlib.Path(FOLDER) / 'note.part').write_text(f'{os.getpid()} {start}')\n"
     waiting += "os.rename(FOLDER + '/note.part', FOLDER + '/note')\ntime.sleep(600)"
     machine.npm("put()\n" + waiting)
-    code = CUT_OFF.format(path=[str(Path(__file__).parents[2])], folder=str(machine.folder))
+    tests = Path(__file__).parents[2]
+    code = CUT_OFF.format(path=[str(tests), str(tests / "support")], folder=str(machine.folder))
     process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
     try:
         until((machine.folder / "note").exists)
