@@ -393,7 +393,8 @@ def report(project: Path, environ: Mapping[str, str]) -> tuple[CoverageReport | 
         endpoint="running" if endpoint.process is not None else "stopped" if endpoint.present else "absent",
         notes=(*notes(snapshot, artifacts, files), *_waiting(artifacts, compiled.manifest.answers, heard)),
     )
-    return made, [*found, *device_knowledge.offers(artifacts, compiled)]
+    told = (*device_knowledge.offers(artifacts, compiled), *device_knowledge.unmatched(artifacts, compiled))
+    return made, [*found, *told]
 
 
 def save(path: Path, text: str) -> Diagnostic | None:

@@ -23,6 +23,7 @@ from octoform.host import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
 from octoform.state.layout import Layout
 
+UNMATCHED = "PROFILE-UNMATCHED"
 NOT_RUNNING = "the endpoint is not running"
 
 
@@ -46,7 +47,7 @@ class Status:
     """In sync or not, and what was seen of the endpoint: ``reasons`` are what is not as apply left it.
 
     ``recorded`` is the folder of a recorded host. ``others`` are hosts of the same folder whose endpoints run, and
-    which the manifest no longer names.
+    which the manifest no longer names. ``warnings`` are of chosen profiles that match no device.
     """
 
     host: str
@@ -58,6 +59,7 @@ class Status:
     diagnostics: tuple[Diagnostic, ...] = ()
     others: tuple[str, ...] = ()
     recorded: str = ""
+    warnings: tuple[Diagnostic, ...] = ()
 
 
 def status(project: Path, environ: Mapping[str, str]) -> Status:
@@ -67,14 +69,20 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
 
 def _status(project: Path, environ: Mapping[str, str]) -> Status:
     plan = memo.recall(project, environ)
+    warnings: tuple[Diagnostic, ...] = ()
     if plan is None:
         from octoform.engine.plan.plan import Request, prepare  # heavy, and only what has changed pays for it
 
         outlook, found = prepare(Request(project, environ))
         if outlook is None:
             return Status("", None, diagnostics=tuple(found))
+        # A plan that has such a warning is never remembered, so a remembered one has none.
+        warnings = tuple(item for item in found if item.code == UNMATCHED)
         plan = outlook.plan
-    layout = Layout(project, plan.host)
+    return replace(_compared(Layout(project, plan.host), plan), warnings=warnings)
+
+
+def _compared(layout: Layout, plan: Plan) -> Status:
     facts = observe(layout)
     others = running_beside(layout)
     if not facts.present:

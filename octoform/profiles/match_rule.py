@@ -95,6 +95,45 @@ def judge(rule: Rule, device: Mapping[str, Any], answer: str = "") -> Judged:
     return Judged(rule.kind, verdict, wanted=rule.words, words=met, seen=seen, answered=answered)
 
 
+_TOLD = {"vid_pid": "the number", "text": "text with", "class": "the class", "driver": "the driver"}
+
+
+def describe(rule: Judged) -> str:
+    """What the rule asks of a device, as a phrase."""
+    if rule.kind in TESTS:
+        return f"{_TOLD.get(rule.kind, 'the interface')} {' or '.join(rule.wanted)}"
+    if rule.kind == "not":
+        return f"not ({describe(rule.parts[0])})"
+    parts = [f"({describe(item)})" if item.kind in ("any", "all") else describe(item) for item in rule.parts]
+    return (" or " if rule.kind == "any" else " and ").join(parts)
+
+
+def met(rule: Judged) -> Iterator[Judged]:
+    """The tests that a device meets; what it only does not have, as ``not`` asks, is no likeness."""
+    if rule.kind in TESTS and rule.holds:
+        yield rule
+    for part in rule.parts if rule.kind != "not" else ():
+        yield from met(part)
+
+
+def lacking(rule: Judged) -> Iterator[Judged]:
+    """The parts of the rule that keep it from holding: no other alternative of an ``any`` that holds."""
+    if rule.holds:
+        return
+    if rule.kind in ("any", "all"):
+        for part in rule.parts:
+            yield from lacking(part)
+    else:
+        yield rule
+
+
+def nearness(judged: Judged) -> tuple[int, int, int]:
+    """How near a device comes to the rule: by numbers, then by words, then by classes, drivers and interfaces."""
+    kinds = [test.kind for test in met(judged)]
+    numbers, words = kinds.count("vid_pid"), kinds.count("text")
+    return numbers, words, len(kinds) - numbers - words
+
+
 def words_wanting(rule: Rule, device: Mapping[str, Any]) -> tuple[str, ...]:
     """The words of which one, said of a device, would make the rule hold: where its number is met and no more lacks."""
     tests = tuple(_tests(rule))

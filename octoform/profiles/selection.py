@@ -20,12 +20,13 @@ def devices_of(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANS
     """
     return frozenset(
         device["id"]
-        for device in _attached(probe)
+        for device in attached(probe)
         if match_rule.holds(profile.evidence, device, answers.get(device["id"], ""))
     )
 
 
-def _attached(probe: Any) -> Iterator[Mapping[str, Any]]:
+def attached(probe: Any) -> Iterator[Mapping[str, Any]]:
+    """The devices that a profile may match: those with an id, without neighbours (``context``)."""
     devices = probe.get("devices") if isinstance(probe, Mapping) else None
     for device in devices if isinstance(devices, list) else ():
         if isinstance(device, Mapping) and isinstance(device.get("id"), str) and device.get("context") is not True:
@@ -50,7 +51,7 @@ def near(
     return sorted(
         (device["id"], profile.name, min(words, key=lambda word: word.casefold() not in profile.product.casefold()))
         for profile in profiles
-        for device in _attached(probe)
+        for device in attached(probe)
         if device["id"] not in settled and (words := match_rule.words_wanting(profile.evidence, device))
     )
 

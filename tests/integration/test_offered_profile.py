@@ -12,6 +12,7 @@ from octoform.simulation.rig import Rig, load
 pytestmark = pytest.mark.dear
 
 ARM = "usb-1a86-55d3"
+UNMATCHED = "PROFILE-UNMATCHED"
 LINE = "write `profiles: [so-arm101]` in octopus.yaml to use it"
 
 
@@ -44,8 +45,13 @@ def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tm
     project.run("coverage", "-html", str(tmp_path / "page.html"), status=0)
     assert LINE in (tmp_path / "page.html").read_text()
 
-    project.manifest["profiles"] = "[so-arm101]"
-    project.apply(status=0)
+    project.manifest["profiles"] = "[so-arm101, camera-rail]"
+    project.write()
+    assert project.run("apply", "-auto-approve", status=0).text.count(UNMATCHED) == 1
+    for screen in ("plan", "status", "coverage"):
+        assert project.run(screen).text.count(UNMATCHED) == 1, screen
+    (warning,) = json.loads(project.run("status", "-json").out)["warnings"]
+    assert "camera-rail" in warning["summary"] and "the number 2341:804f" in warning["detail"]
     for command in (["plan"], ["devices"], ["coverage"], ["coverage", "--json"]):
         assert LINE not in project.run(*command).text, command
     (arm,) = [item for item in json.loads(project.run("coverage", "--json").out)["devices"] if item["id"] == ARM]

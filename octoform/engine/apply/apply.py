@@ -371,18 +371,25 @@ class _Run:
             usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
-            diagnostics=tuple([*found, *self._offers(artifacts), *self._uncovered(artifacts)]),
+            diagnostics=tuple([*found, *self._notices(artifacts), *self._uncovered(artifacts)]),
             funnel=None if self.request.destroy else funnel(artifacts),
             questions=() if self.request.destroy else device_knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else endpoint(compiled.layout, artifacts),
             commit=commit,
         )
 
-    def _offers(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
-        """Shipped profiles that match what this run found; what the plan said already is not repeated."""
-        if self.request.destroy or any(item.code == device_knowledge.OFFERED for item in self.outlook.diagnostics):
+    def _notices(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
+        """Profiles that match what this run found and that no one chose, and the other way round.
+
+        What the plan said already is not repeated.
+        """
+        if self.request.destroy:
             return []
-        return device_knowledge.offers(artifacts, self.outlook.compiled)
+        compiled, known = self.outlook.compiled, {(item.code, item.summary) for item in self.outlook.diagnostics}
+        found = device_knowledge.unmatched(artifacts, compiled)
+        if not any(code == device_knowledge.OFFERED for code, _ in known):
+            found = [*device_knowledge.offers(artifacts, compiled), *found]
+        return [item for item in found if (item.code, item.summary) not in known]
 
     def _uncovered(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
         """What a chosen profile can do and the accepted INTERFACE does not offer."""
@@ -415,7 +422,8 @@ class _Run:
 
 def _has_strays(outlook: Outlook) -> bool:
     """Whether there is something to say that a plan from the memo would not say."""
-    return any(item.code in (device_knowledge.STRAY, device_knowledge.OFFERED) for item in outlook.diagnostics)
+    told = (device_knowledge.STRAY, device_knowledge.OFFERED, device_knowledge.UNMATCHED)
+    return any(item.code in told for item in outlook.diagnostics)
 
 
 def _sources(compiled: Compiled) -> tuple[tuple[str, ...], tuple[str, ...]]:

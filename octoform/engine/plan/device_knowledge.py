@@ -12,13 +12,15 @@ from octoform.graph.model import ANSWER
 from octoform.manifest.profile_paths import shipped
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
-from octoform.profiles import Profile, contributions, load, near
-from octoform.profiles.selection import commands, devices_of
+from octoform.profiles import Profile, contributions, load, match_rule, near
+from octoform.profiles.match_rule import Judged
+from octoform.profiles.selection import attached, commands, devices_of
 
 Artifacts = Mapping[str, Any]
 STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"
 OFFERED = "PROFILE-OFFERED"
 UNCOVERED = "PROFILE-COMMANDS-MISSING"
+UNMATCHED = "PROFILE-UNMATCHED"
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +122,40 @@ def offered(artifacts: Artifacts, compiled: Compiled) -> tuple[Offer, ...]:
 def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
     """One warning for each profile that is `offered`."""
     return [warning(OFFERED, each.summary, hint=each.line) for each in offered(artifacts, compiled)]
+
+
+def unmatched(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:
+    """One warning for each chosen profile that matches no device, with its match rule and the device nearest to it."""
+    probe, answers = artifacts.get("probe"), compiled.manifest.answers
+    if probe is None:
+        return []
+    missed = [profile for profile in compiled.profiles if not devices_of(profile, probe, answers)]
+    return [_unmatched(profile, list(attached(probe)), answers) for profile in missed]
+
+
+def _unmatched(profile: Profile, listed: list[Mapping[str, Any]], answers: Mapping[str, str]) -> Diagnostic:
+    judged = [(match_rule.judge(profile.evidence, item, answers.get(item["id"], "")), item) for item in listed]
+    verdict, device = max(judged, key=lambda item: match_rule.nearness(item[0]), default=(None, None))
+    detail = f"its match rule asks for {match_rule.describe(match_rule.judge(profile.evidence, {}))}"
+    check = f"octoform profile check {profile.name} shows the rule part by part"
+    if verdict is None or device is None or not any(match_rule.nearness(verdict)):
+        hint = f"attach the device, or take {profile.name} out of `profiles`; {check}"
+        detail += "\nno device of this host meets any part of it"
+    else:
+        name = escaped(str(device.get("name", "")))
+        detail += f"\nnearest is {device['id']} ({name}), which has {_phrase(match_rule.met(verdict))}, and lacks "
+        detail += _phrase(match_rule.lacking(verdict))
+        words = match_rule.words_wanting(profile.evidence, device)
+        say = (
+            f'if it is {device["id"]}, tell so: octoform answer {device["id"]} "... {words[0]} ..."; ' if words else ""
+        )
+        hint = f"{say}{check}"
+    summary = f"the profile {profile.name} matches no device of this host and has no effect"
+    return warning(UNMATCHED, escaped(summary), detail=escaped(detail, "\n"), hint=escaped(hint))
+
+
+def _phrase(parts: Iterator[Judged]) -> str:
+    return "; ".join(dict.fromkeys(map(match_rule.describe, parts)))
 
 
 def uncovered(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:

@@ -218,6 +218,7 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     if not request.destroy:
         found += device_knowledge.stray(situation.artifacts, compiled.manifest.answers)
         found += [] if request.tier1 else device_knowledge.offers(situation.artifacts, compiled)
+        found += device_knowledge.unmatched(situation.artifacts, compiled)
     plan = _plan(request, compiled, store.snapshot, situation)
     found += without_sandbox(compiled.manifest, plan, request.environ)
     return Outlook(compiled, store.snapshot, situation, plan, tuple(found)), found

@@ -32,6 +32,7 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
         document = {**_document(found, surveyed, reasons), "watched": None if watched is None else watched.process.pid}
         console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return code
+    show(console, found.warnings)
     sync = console.paint("in sync", "green") if found.sync else console.paint("out of sync", "yellow")
     console.line(f"host {found.host}: {sync}, {console.paint(str(verdict), STYLES[verdict])}")
     if found.plan is not None and not found.sync:
@@ -97,6 +98,7 @@ def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[s
         "tokens": process.tokens,
         "others": list(found.others),
         "recorded": bool(found.recorded),
+        "warnings": [to_json(item) for item in found.warnings],
     }
 
 

@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 
+from octoform.diagnostics import Severity
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.plan.diff import Prior
@@ -137,3 +138,48 @@ def test_commands_of_a_chosen_profile_without_a_tool_are_told_with_the_reason(tm
     every = [*told.summary.partition(": ")[2].split(", "), "arm_status", "arm_stop"]
     assert uncovered(tmp_path, every, [], chosen) == []
     assert uncovered(tmp_path, [], [], "") == []
+
+
+def unmatched(folder: Path, manifest: str, devices: list[dict[str, Any]]) -> list[Any]:
+    (folder / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{manifest}")
+    compiled, found = compile_project(folder, {})
+    assert compiled is not None, found
+    assert device_knowledge.unmatched({}, compiled) == [], "nothing is known before PROBE"
+    return device_knowledge.unmatched({"probe": {"devices": devices}}, compiled)
+
+
+def test_a_chosen_profile_that_matches_nothing_is_told_with_its_rule_and_the_nearest_device(tmp_path: Path) -> None:
+    chosen, silent = "profiles: [so-arm101]\n", {**ARM, "raw_descriptor": "product: USB Serial"}
+    lamp = {"id": LAMP, "name": "Heron\x1b lamp", "interface": "usb", "classes": ["tty"]}
+    assert unmatched(tmp_path, chosen, [ARM]) == []
+    assert unmatched(tmp_path, chosen, [lamp, ARM]) == []
+    (told,) = unmatched(tmp_path, chosen, [lamp, silent])
+    assert (told.code, told.severity) == ("PROFILE-UNMATCHED", Severity.WARNING)
+    assert told.summary == "the profile so-arm101 matches no device of this host and has no effect"
+    rule, nearest = told.detail.splitlines()
+    assert rule.startswith("its match rule asks for the number 1a86:7523 or 1a86:55d3 and text with ")
+    assert nearest.startswith(
+        f"nearest is {BOARD} (USB Single Serial), which has the number 1a86:7523 or 1a86:55d3, and"
+    )
+    assert f'octoform answer {BOARD} "... ' in told.hint and "octoform profile check so-arm101" in told.hint
+    assert unmatched(tmp_path, f"{chosen}answers: {{{BOARD}: the SO-ARM101}}\n", [silent]) == []
+    (neighbour,) = unmatched(tmp_path, chosen, [{**ARM, "context": True}])
+    assert "no device of this host meets any part of it" in neighbour.detail
+    (other,) = unmatched(tmp_path, chosen, [lamp])
+    assert "no device of this host meets any part of it" in other.detail and "answer" not in other.hint
+
+
+def test_a_rule_of_every_kind_is_described_and_a_device_that_has_a_word_of_it_is_nearer_than_one_of_its_class(
+    tmp_path: Path,
+) -> None:
+    rule = "{all: [{any: [{text: [Heron, Egret]}, {not: {driver: ftdi}}]}, {class: tty}, {interface: pci}]}"
+    lines = ("---", "name: pump", "about: a pump", f"evidence: {rule}", "---", "It pumps.")
+    inline = "profiles:\n  - |\n" + "".join(f"    {line}\n" for line in lines)
+    devices = [{**ARM, "classes": ["tty"]}, {"id": LAMP, "name": "Heron\x1b lamp", "interface": "usb"}]
+    (told,) = unmatched(tmp_path, inline, devices)
+    asked = "(text with Heron or Egret or not (the driver ftdi)) and the class tty and the interface pci"
+    assert told.detail.splitlines() == [
+        f"its match rule asks for {asked}",
+        f"nearest is {LAMP} (Heron\\x1b lamp), which has text with Heron or Egret, and lacks "
+        "the class tty; the interface pci",
+    ]
