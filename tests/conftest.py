@@ -91,7 +91,7 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder for `Project.take_bytecode` of one environment, compiled once for the whole run."""
+    """A folder of one environment, compiled once for the whole run: `Project.take_environments`, `take_bytecode`."""
     layout = Layout(run_folder(tmp_path_factory) / "compiled", "bench")
     layout.environments.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (layout.project / "lock").open("wb") as lock:

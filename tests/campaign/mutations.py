@@ -165,6 +165,24 @@ class Subject:
             Case(inside, mutation.__name__, number), lambda path: mutation(path, path.read_bytes(), chance)
         )
 
+    def look(self, case: Case, spoils: Callable[[Path], object]) -> Case:
+        """What the commands that look make of a file that was damaged in this way; it is put back as it was."""
+        path = self.project.folder / case.file
+        aside = path.with_name(f"{path.name}.aside")
+        shutil.copy2(path, aside)
+        printed = self._printed()
+        try:
+            spoils(path)
+            self._look(case)
+        finally:
+            aside.replace(path)
+        self._judge_printed(case, printed)
+        return case
+
+    def _look(self, case: Case) -> None:
+        for command in (*LOOKS, OTHERS[(case.number + len(case.file)) % len(OTHERS)]):
+            self._run(case, command, self._seconds)
+
     def judge(self, case: Case, spoils: Callable[[Path], object]) -> Case:
         """What all commands make of a file that was damaged in this way."""
         path = self.project.folder / case.file
@@ -172,8 +190,7 @@ class Subject:
             self.restore()
         spoils(path)
         printed = self._printed()
-        for command in (*LOOKS, OTHERS[(case.number + len(case.file)) % len(OTHERS)]):
-            self._run(case, command, self._seconds)
+        self._look(case)
         if self._is_known(case):
             self._judge_printed(case, printed)
             self.put_back(case.file)

@@ -27,9 +27,10 @@ LOADED_SECONDS = 30.0
 
 
 @pytest.fixture(scope="module")
-def subject(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Subject]:
+def subject(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Subject]:
     folder = tmp_path_factory.mktemp("spoilt")
     project = Project(folder / "project", folder / "outside")
+    project.take_environments(compiled)
     project.apply(status=0)
     made = Subject(project, LOADED_SECONDS, 2 * LOADED_SECONDS)
     yield made
@@ -96,22 +97,30 @@ def test_a_document_of_900_levels_ends_no_command(subject: Subject, inside: str,
     assert case.told.endswith(told)
 
 
-@pytest.mark.parametrize(
-    "inside",
-    [
-        INSTANCES,
-        "state/bench/deploy/output.json",
-        "state/bench/probe/output.json",
-        "state/bench/deploy/requirements.txt",
-        "state/bench/serve/runtime/units.py",
-        "state/bench/serve/server.py",
-        f"{HERE}/endpoint/octoform/server/gate/gate.py",
-        f"{HERE}/run/process.json",
-    ],
+PIPED = (
+    INSTANCES,
+    "state/bench/deploy/output.json",
+    "state/bench/probe/output.json",
+    "state/bench/deploy/requirements.txt",
+    "state/bench/serve/runtime/units.py",
+    "state/bench/serve/server.py",
+    f"{HERE}/endpoint/octoform/server/gate/gate.py",
+    f"{HERE}/run/process.json",
 )
-def test_a_pipe_in_the_place_of_a_file_holds_nobody_up(subject: Subject, inside: str) -> None:
-    case = subject.judge(Case(inside, "pipe", 0), piped)
+
+
+@pytest.mark.parametrize("inside", PIPED)
+def test_a_pipe_in_the_place_of_a_file_holds_up_nobody_who_looks(subject: Subject, inside: str) -> None:
+    assert subject.look(Case(inside, "pipe", 0), piped).wrong == []
+
+
+def test_pipes_in_the_places_of_all_these_files_hold_up_no_apply_which_puts_files_there(subject: Subject) -> None:
+    *others, last = PIPED
+    for inside in others:
+        piped(subject.project.folder / inside)
+    case = subject.judge(Case(last, "pipe", 0), piped)
     assert (case.wrong, case.told) == ([], "recovered")
+    assert [inside for inside in PIPED if not (subject.project.folder / inside).is_file()] == []
 
 
 @pytest.mark.parametrize("stands", [piped, foldered, linked], ids=lambda each: str(each.__name__))

@@ -404,7 +404,7 @@ MOVES = {
         "mv {project}/.git {home}/git",
     ),
     ".octoform": ("mv {project}/.octoform {home}/kept; ln -s {home}/kept {project}/.octoform",),
-    "state": ("mv {project}/state {home}/kept; mkdir {project}/state; echo '{{}}' > {project}/state/state.json",),
+    "state": ("mv {project}/state {home}/kept-state; mkdir {project}/state; echo '{{}}' > {project}/state/state.json",),
 }
 
 
@@ -417,13 +417,14 @@ def moved(attacked: Attacked) -> None:
     if project.prefix:
         subprocess.run(["chown", "-R", f"--reference={project.folder}", str(project.folder / ".git")], check=True)
     project.apply("-target", "probe", status=0)
-    for folder, ways in MOVES.items():
-        for way in ways:
-            project.script = {"probe": [{"shell": attacked.words(way)}, "good"]}
-            before = (project.folder / folder).stat().st_ino
-            project.apply("-replace", "probe", "-target", "probe", status=0)
-            assert folder in refused_paths(attacked, -2), way
-            assert (project.folder / folder).stat().st_ino == before, way
+    ways = [(folder, attacked.words(way)) for folder, each in MOVES.items() for way in each]
+    project.script = {"probe": [*({"shell": way} for _, way in ways), "good"]}
+    project.manifest = {"budget": f"{{attempts: {len(ways) + 1}}}"}
+    before = {folder: (project.folder / folder).stat().st_ino for folder in MOVES}
+    project.apply("-replace", "probe", "-target", "probe", status=0)
+    for attempt, (folder, way) in enumerate(ways, 1):
+        assert folder in refused_paths(attacked, attempt), way
+    assert {folder: (project.folder / folder).stat().st_ino for folder in MOVES} == before
     assert b"kept" in subprocess.run([*git, "log", "--oneline"], check=True, capture_output=True).stdout
 
 
@@ -485,8 +486,9 @@ def test_a_folder_that_became_a_link_costs_nobody_a_file(attacked: Attacked, tmp
     assert not (project.folder / "protocol").is_symlink()
 
 
-def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked) -> None:
+def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked, compiled: Path) -> None:
     project = attacked.project
+    project.take_environments(compiled)
     project.apply("-target", "interface", status=0)
     plant = project.folder / "protocol" / "serve.md"
     source = (AGENT.parent / "good" / "server.py").read_text()
@@ -509,29 +511,34 @@ STARTS = [
 ]
 
 
-def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents(attacked: Attacked) -> None:
-    project = attacked.project
-    project.apply(status=0)
+def packages_of(project: Project) -> Path:
+    """Where the packages of the endpoint lie."""
     manifest = json.loads((project.local / "endpoint" / "manifest.json").read_text())
     [packages] = Path(manifest["environment"]).glob("lib/python*/site-packages")
+    return packages
+
+
+def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents_and_a_plan_tells_what_was_added(
+    attacked: Attacked, compiled: Path
+) -> None:
+    project = attacked.project
+    project.take_environments(compiled)
+    project.apply(status=0)
+    packages = packages_of(project)
     places = [packages / name for name in STARTS]
     before = [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places]
     planting = "; ".join(f"rm -f {path}; echo 'import os' > {path}" for path in places)
     project.script = {"probe": [{"shell": planting}, "good"]}
-    project.apply("-replace", "probe")
+    project.apply("-replace", "probe", "-target", "probe", status=0)
     named = {str(path.resolve().parent / path.name) for path in places[:-1]}
     told = {str(project.folder / name) for name in refused_paths(attacked, -2)}
     assert told >= {os.path.normpath(path) for path in places}, named
     assert [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places] == before
 
-
-def test_a_plan_tells_a_module_that_was_added_to_the_serving_environment(attacked: Attacked) -> None:
-    project = attacked.project
-    project.apply(status=0)
-    manifest = json.loads((project.local / "endpoint" / "manifest.json").read_text())
-    [packages] = Path(manifest["environment"]).glob("lib/python*/site-packages")
+    # What comes there otherwise is told by a plan, and gone with the next apply.
     (packages / "planted.pth").write_text("import os\n")
     assert "planted.pth was added to the serving environment" in project.run("plan").text
+    project.script = {}
     project.apply(status=0)
     assert not (packages / "planted.pth").exists()
 
@@ -570,9 +577,10 @@ LINKED = {
 
 
 @pytest.mark.parametrize("place", LINKED)
-def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str) -> None:
+def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str, compiled: Path) -> None:
     stage, act, kept = LINKED[place]
     project, theirs = attacked.project, attacked.home / "theirs"
+    project.take_environments(compiled)
     theirs.mkdir()
     project.script = {stage: [{"shell": attacked.words(act)}, "good"]}
     project.apply("-target", stage, status=0)
@@ -587,7 +595,7 @@ def test_a_changed_spec_of_the_installation_is_put_back_unless_octoform_itself_h
 ) -> None:
     """The installation is a copy of this one: package and specs, found before the real one."""
     installed, source = tmp_path / "installed", Path(octoform.__file__).parents[1]
-    shutil.copytree(source / "octoform", installed / "octoform", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(source / "octoform", installed / "octoform")
     shutil.copytree(source / "protocol", installed / "protocol")
     project = attacked.project
     project.environ["PYTHONPATH"], project.prefix = str(installed), ["env"]

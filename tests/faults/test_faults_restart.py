@@ -16,9 +16,9 @@ FULL = ["sh", "-c", 'ulimit -f 0 && exec "$@"', "sh"]
 """The beginning of a command that, with all that it starts, can write into no file."""
 
 
-def test_a_restart_on_a_full_disk_is_refused_and_the_endpoint_goes_on(project: Project) -> None:
+def test_a_restart_on_a_full_disk_is_refused_and_the_endpoint_goes_on(project: Project, environments: Path) -> None:
+    project.share_environments(environments)
     project.apply(status=0)
-    project.run("start", status=0)
     before = running(Layout(project.folder, project.host))
     assert before is not None
     try:

@@ -73,7 +73,10 @@ def test_apply_with_few_processes_left_is_one_sentence(project: Project, user: U
     project.run("apply", "-auto-approve", "-target", "probe", status=0)
 
 
-def test_the_endpoint_that_runs_goes_on(project: Project, user: User) -> None:
+def test_the_endpoint_that_runs_goes_on(project: Project, user: User, compiled: Path) -> None:
+    project.take_environments(compiled, linked=False)
+    user.owns_all()
+    os.chown(user.place / "closed", 0, 0)
     project.prefix = user.prefix
     project.run("apply", "-auto-approve", status=0)
     layout = Layout(project.folder, project.host)

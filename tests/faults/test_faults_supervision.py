@@ -229,9 +229,10 @@ subprocess.run(["awk", "-v", "to=" + PLACE, "{print >> to}"], input=f"{_left}\\n
 
 
 @pytest.fixture
-def hiding(tmp_path: Path) -> tuple[Project, Path]:
+def hiding(tmp_path: Path, compiled: Path) -> tuple[Project, Path]:
     """A project whose tool starts a process without any variable at each call, and the file with their pids."""
     project = Project(tmp_path / "project", tmp_path / "outside")
+    project.take_environments(compiled)
     place = tmp_path / "pids"
     good = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
     body = "".join(f"    {line}\n" for line in HIDING.replace("PLACE", repr(str(place))).strip().splitlines())

@@ -5,12 +5,12 @@ import os
 import re
 import shlex
 import shutil
-import subprocess
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
-from projects import OCTOFORM
+import warm
+from projects import OCTOFORM, Project
 
 from octoform.cli.parser import build, parse
 from octoform.manifest.loader import parse as parse_manifest
@@ -71,15 +71,18 @@ def test_yaml_examples_are_valid_manifests(tmp_path: Path) -> None:
 # What they have answers in a planted tree too; the second has nothing.
 @pytest.mark.parametrize(("host", "place"), [("server", "clone"), ("empty-vm", "own")])
 def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone_and_outside_of_it(
-    tmp_path: Path, planted: Callable[..., Path], host: str, place: str
+    tmp_path: Path, planted: Callable[..., Path], compiled: Path, host: str, place: str
 ) -> None:
+    """The clone has nothing but its files; in the other folder stands the packages' environment already."""
     tree, folder = planted(host), tmp_path / place
     folder.mkdir()
+    if place == "own":
+        Project(folder, tmp_path / "outside", host="local").take_environments(compiled)
     for name in ("octopus.yaml", "protocol", "profiles") if place == "clone" else ():
         # What of a clone octoform reads; its state is another host's.
         copied = shutil.copytree if (ROOT / name).is_dir() else shutil.copy
         copied(ROOT / name, folder / name)
-    kept = {name: os.environ[name] for name in ("PATH", "SSL_CERT_FILE") if name in os.environ}
+    kept = {name: os.environ[name] for name in ("PATH", "SSL_CERT_FILE", "UV_CONSTRAINT") if name in os.environ}
     environ = {**kept, "HOME": str(tmp_path / "home"), "OCTOFORM_SYSROOT": str(tree)}
     environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
     used = commands(ROOT / "README.md")
@@ -89,9 +92,7 @@ def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone_and_outside_of
     ]
     told = {}
     for words in [["init"], *used] if place == "own" else used:
-        done = subprocess.run(
-            [OCTOFORM, *words], cwd=folder, env=environ, input="yes\n", capture_output=True, text=True, timeout=120
-        )
+        done = warm.completed(OCTOFORM, words, folder, environ, 120, said="yes\n")
         assert done.returncode == 0, (words, done.stdout, done.stderr)
         assert "error[" not in done.stderr, (words, done.stderr)
         told[words[0]] = done.stdout

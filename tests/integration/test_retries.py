@@ -34,7 +34,7 @@ def prompt(folder: Path) -> str:
 
 def test_a_retry_gets_the_refused_output_and_is_told_that_the_rest_of_it_was_right(project: Project) -> None:
     project.script = {"identify": [{"mutate": WRONG}, "good"]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     first, second = project.attempts("identify")
     assert (second / "former-output.json").read_bytes() == (first / "output.json").read_bytes()
     assert not (first / "former-output.json").exists()
@@ -47,7 +47,7 @@ def test_a_retry_gets_the_refused_output_and_is_told_that_the_rest_of_it_was_rig
 
 def test_an_attempt_that_left_nothing_leaves_nothing_to_correct(project: Project) -> None:
     project.script = {"identify": [{"exit": 7}, "good"]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     second = project.attempts("identify")[-1]
     assert not (second / "former-output.json").exists()
     assert "start afresh" in prompt(second)
@@ -99,7 +99,7 @@ def test_a_right_output_of_an_attempt_that_was_stopped_is_said_to_be_right_and_n
 def test_an_output_with_a_key_in_it_is_handed_to_nobody(project: Project) -> None:
     project.environ, project.env = {"OCTOFORM_TEST_KEY": "sk-Zx81kd93KLmq77"}, ["OCTOFORM_TEST_KEY"]
     project.script = {"identify": [{"leak": "OCTOFORM_TEST_KEY", "exit": 7}, "good"]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     second = project.attempts("identify")[-1]
     assert not (second / "former-output.json").exists() and "sk-Zx81kd93KLmq77" not in prompt(second)
 
@@ -131,7 +131,7 @@ def checked(project: Project) -> list[str]:
     lines = [f"cp {shlex.quote(str(wrong))} output.json", "./check > first.txt || echo status $? >> first.txt"]
     lines += [f"cp {shlex.quote(str(right))} output.json", "./check > second.txt && echo status 0 >> second.txt"]
     project.script = {"identify": [{"shell": "\n".join(lines)}]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     (folder,) = project.attempts("identify")
     return [
         path.read_text()
@@ -158,7 +158,7 @@ def test_the_record_has_the_digests_of_what_was_given_whatever_the_agent_made_of
     names = ("prompt.md", "task.json", "spec.md", "former-output.json")
     spoiling = "; ".join(f"chmod u+w {name}; cp {name} seen-{name}; echo spoilt > {name}" for name in names)
     project.script = {"identify": [{"mutate": WRONG}, {"shell": spoiling}]}
-    project.apply(status=0)
+    project.apply("-target", "identify", status=0)
     folder = project.attempts("identify")[-1]
     recorded = json.loads((folder / "attempt.json").read_text())["digests"]
     for name in names:
@@ -169,17 +169,11 @@ def test_the_record_has_the_digests_of_what_was_given_whatever_the_agent_made_of
 
 
 def test_the_time_of_a_stage_holds_for_its_trial_too(project: Project) -> None:
+    good = (GOOD / "server.py").read_text().replace("from typing", "import time\nfrom typing", 1)
+    (project.outside / "slow.py").write_text(good.replace("    with bus(", "    time.sleep(15)\n    with bus(", 1))
+    project.script = {"serve": [{"copy": str(project.outside / "slow.py")}]}
     project.apply("-target", "serve", status=0)
     project.manifest["stages"] = "{deploy: {budget: {stage_timeout: 6s, attempts: 3}}}"
-    slow = (
-        (GOOD / "server.py").read_text().replace("    with bus(", "    __import__('time').sleep(15)\n    with bus(", 1)
-    )
-    slow = slow.replace("__import__('time').sleep(15)", "time.sleep(15)").replace(
-        "from typing", "import time\nfrom typing", 1
-    )
-    (project.outside / "slow.py").write_text(slow)
-    project.script = {"serve": [{"copy": str(project.outside / "slow.py")}]}
-    project.apply("-target", "serve", "-replace", "serve", status=0)
     began = time.monotonic()
     done = project.apply("-target", "deploy", status=1)
     assert "APPLY-BUDGET-SPENT" in done.codes()

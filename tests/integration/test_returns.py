@@ -16,8 +16,10 @@ ANOTHER = {"mutate": [[["devices", 0, "capabilities", 0, "description"], "Read t
 
 
 @pytest.fixture
-def project(tmp_path: Path) -> Project:
-    return Project(tmp_path / "project", tmp_path / "outside")
+def project(tmp_path: Path, environments: Path) -> Project:
+    made = Project(tmp_path / "project", tmp_path / "outside")
+    made.share_environments(environments)
+    return made
 
 
 def ran(project: Project) -> tuple[int, int]:

@@ -168,6 +168,16 @@ class Project:
         self.local.mkdir(parents=True, exist_ok=True)
         (self.local / "environments").symlink_to(folder)
 
+    def take_environments(self, folder: Path, *, linked: bool = True) -> None:
+        """Begin with copies of environments as if they had been built here, in a folder of the project's own.
+
+        For tests that copy, spoil or destroy theirs and prove something else than the building; what is not ``linked``
+        may be given to another owner.
+        """
+        self.local.mkdir(parents=True, exist_ok=True)
+        own = self.local / "environments"
+        subprocess.run(["cp", "-al" if linked else "-a", str(folder), str(own)], check=True)
+
     def take_bytecode(self, folder: Path) -> None:
         """Build own environments, but compile none of the packages that those in a folder have.
 

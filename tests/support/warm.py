@@ -33,10 +33,14 @@ _ENDED: list[int] = []
 
 
 def run(
-    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float
+    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float, said: str = ""
 ) -> tuple[int, str, str]:
-    """(exit status, what it printed, what it printed on stderr); killed, with TimeoutExpired, after so many seconds."""
-    order = json.dumps({"argv": [str(program), *arguments], "cwd": str(cwd), "environ": dict(environ)}).encode()
+    """(exit status, what it printed, what it printed on stderr); killed, with TimeoutExpired, after so many seconds.
+
+    ``said`` is what it reads on stdin, through a pipe.
+    """
+    words = [str(program), *arguments]
+    order = json.dumps({"argv": words, "cwd": str(cwd), "environ": dict(environ), "said": said}).encode()
     out, err = os.pipe(), os.pipe()
     with _sockets() as (mine, its):
         with _ONE:
@@ -51,14 +55,19 @@ def run(
             return int(mine.recv(64)), printed, complained
         except TimeoutError:
             os.kill(pid, 9)  # not reaped before its status was sent, so it is still this process
-            raise subprocess.TimeoutExpired([str(program), *arguments], seconds) from None
+            raise subprocess.TimeoutExpired(words, seconds) from None
 
 
 def completed(
-    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float = 60.0
+    program: Path,
+    arguments: Sequence[str],
+    cwd: Path,
+    environ: Mapping[str, str],
+    seconds: float = 60.0,
+    said: str = "",
 ) -> "subprocess.CompletedProcess[str]":
     """The same in the form that `subprocess.run` gives."""
-    return subprocess.CompletedProcess([program, *arguments], *run(program, arguments, cwd, environ, seconds))
+    return subprocess.CompletedProcess([program, *arguments], *run(program, arguments, cwd, environ, seconds, said))
 
 
 @contextlib.contextmanager
@@ -170,12 +179,24 @@ def _become(order: dict[str, object], out: int, err: int) -> None:
     os.dup2(out, 1)
     os.dup2(err, 2)
     os.closerange(3, 1024)
+    if order["said"]:
+        _hear(str(order["said"]))
     sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", encoding="utf-8", errors="backslashreplace", closefd=False)  # noqa: SIM115
     os.chdir(str(order["cwd"]))
     os.environ.clear()
     os.environ.update(environ)
     sys.argv = [str(word) for word in argv]
+
+
+def _hear(said: str) -> None:
+    """Have this on stdin."""
+    reading, writing = os.pipe()
+    os.write(writing, said.encode())
+    os.close(writing)
+    os.dup2(reading, 0)
+    os.close(reading)
+    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
 
 
 if __name__ == "__main__":
