@@ -67,8 +67,8 @@ def of_motion(bank: Mapping[str, Any], command: Mapping[str, Any]) -> str:
             0, f"Returns {', '.join(units)}; calibrated in percent of the range, null where unknown." if units else ""
         )
     if command["do"] in _ACTS:
-        within = bank["motion"]["within"]
-        told.insert(0, f"Returns when it has stopped, after {within:g} s at most; one that does not move is an error.")
+        timeout = bank["motion"]["timeout"]
+        told.insert(0, f"Returns when it has stopped, after {timeout:g} s at most; one that does not move is an error.")
     if command.get("scale") == "calibrated":
         told.insert(0, f"The scale of each {unit}, a gripper too: -100 and 100 are the ends of its calibrated range.")
     if command.get("release"):

@@ -173,7 +173,7 @@ _REGISTERS = """\
 #       maximum: 1023
 #       before: [{torque: 1}]
 #       moved: 10
-#       within: 5s
+#       timeout: 5s
 #       release: {torque: 0}
 #   commands:
 #     - {tool: pump_status, do: read_units, about: where the pumps are, fields: [position]}

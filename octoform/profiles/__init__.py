@@ -2,6 +2,17 @@
 
 from octoform.profiles.model import Profile
 from octoform.profiles.profile_parser import load, load_text
-from octoform.profiles.selection import briefing, commands, contributions, devices_of, for_task, near
+from octoform.profiles.selection import briefing, commands, contributions, devices_of, for_task, near, packaging
 
-__all__ = ["Profile", "briefing", "commands", "contributions", "devices_of", "for_task", "load", "load_text", "near"]
+__all__ = [
+    "Profile",
+    "briefing",
+    "commands",
+    "contributions",
+    "devices_of",
+    "for_task",
+    "load",
+    "load_text",
+    "near",
+    "packaging",
+]

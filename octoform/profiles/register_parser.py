@@ -135,7 +135,7 @@ _CHECKS: Mapping[str, Callable[[Found, Mapping[str, Any], Place, Registers], Non
 
 MOTION_FIELDS = (
     *("goal", "present", "lowest", "highest", "minimum", "maximum"),
-    *("before", "speed", "moved", "within", "release"),
+    *("before", "speed", "moved", "timeout", "within", "release"),
 )
 SPEED_FIELDS = ("minimum", "maximum", "default", "unit")
 PROTECT_FIELDS = ("field", "refuse_at", "resume_below", "unit")
@@ -171,13 +171,21 @@ def read_motion(found: Found, given: Mapping[str, Any], place: Place, fields: Fi
         minimum=minimum,
         maximum=maximum,
         moved=found.whole(item, "moved", where, (1, max(1, maximum - minimum))),
-        within=float(found.seconds(item, "within", where, (1, 60), 5)),
+        timeout=_timeout(found, item, where),
         before=before,
         lowest=ends["lowest"],
         highest=ends["highest"],
         speed=speed,
         release=_release(found, item, where, fields),
     )
+
+
+def _timeout(found: Found, item: Mapping[str, Any], place: Place) -> float:
+    """The longest time of a movement; ``within`` is the name that it had before."""
+    former = "within" in item
+    if former and "timeout" in item:
+        found.add((*place, "within"), "'timeout' and 'within' are the same; write 'timeout' alone")
+    return float(found.seconds(item, "within" if former else "timeout", place, (1, 60), 5))
 
 
 def span(fields: Fields, name: str) -> tuple[int, int]:

@@ -51,7 +51,7 @@ class Motion:
     """How a unit is moved: names of fields, and the bounds of a position in counts.
 
     ``before`` is written in this order before the goal; a word there names the parameter ``speed``. ``release`` makes
-    a unit limp. ``moved`` counts at least make a movement, ``within`` seconds at most are waited for it.
+    a unit limp. ``moved`` counts at least make a movement, ``timeout`` seconds at most are waited for it.
     """
 
     goal: str
@@ -59,7 +59,7 @@ class Motion:
     minimum: int
     maximum: int
     moved: int
-    within: float
+    timeout: float
     before: tuple[tuple[str, int | str], ...] = ()
     lowest: str | None = None
     highest: str | None = None
@@ -220,7 +220,7 @@ def _motion(motion: Motion) -> dict[str, Any]:
             "before": [{name: value} for name, value in motion.before],
             "speed": {**rate, "unit": speed.unit} if speed is not None else None,
             "moved": motion.moved,
-            "within": motion.within,
+            "timeout": motion.timeout,
             "release": dict(motion.release),
         }
     )

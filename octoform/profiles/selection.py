@@ -1,6 +1,7 @@
 """Which devices a profile may be used for, and how it is reported to an agent. Pure."""
 
 import json
+import re
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
@@ -9,6 +10,10 @@ from octoform.profiles import limits, match_rule
 from octoform.profiles.model import Profile, plain
 
 LONGEST_LINE, DEEPEST = 100, 3
+_PACKAGING = re.compile(
+    r"\b(?:packages?|librar(?:y|ies)|modules?|imported|installs?|pip|PyPI|SDK|wheels?)\b", re.IGNORECASE
+)
+_PART = re.compile(r"\n\s*\n|\n(?=[-*] )")
 NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
 
@@ -82,6 +87,22 @@ def briefing(profile: Profile, ids: Collection[str]) -> str:
     if own:
         lines += ["", "Only this rig, no other copy of the product:", "", *own]
     return "\n".join([*lines, ""])
+
+
+def packaging(profile: Profile, ids: Collection[str]) -> str:
+    """What of a profile concerns the packages of a server: its library, its files, and the paragraphs about packages.
+
+    Empty where there is nothing of that kind.
+    """
+    bank = plain(profile.grammar).get("registers", {}) if profile.grammar is not None else {}
+    library, files = bank.get("library"), bank.get("calibration", {}).get("files", ())
+    lines = [f"Its library: {library['distribution']}, imported as {library['module']}."] if library else []
+    lines += [f"A file that its server reads: {file}" for file in files]
+    parts = [part.strip() for part in _PART.split(profile.body) if _PACKAGING.search(part)]
+    if not lines and not parts:
+        return ""
+    head = [f"Profile {profile.name}: {profile.about}", f"Its match rule matches: {', '.join(sorted(ids))}."]
+    return "\n".join([*head, *lines, *(f"\n{part}" for part in parts), ""])
 
 
 def _laid_out(value: Any, depth: int = 1) -> str:

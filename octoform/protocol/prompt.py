@@ -70,10 +70,11 @@ class Prompt:
     """What a prompt is made of.
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
-    texts, ``answers`` what a person said of devices, by their ids. ``diagnostics`` and ``failed_log`` are those of the
-    attempt before, and one of them makes it a retry; ``summary`` is in the place of a log's end. ``former`` is a
-    copy of the output that is to be corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what
-    is not; ``standing`` is what a later stage found when it tried an accepted one.
+    texts, ``answers`` what a person said of devices, by their ids, ``offered`` the profiles that match a device and
+    that the owner has not chosen. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them
+    makes it a retry; ``summary`` is in the place of a log's end. ``former`` is a copy of the output that is to be
+    corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what is not; ``standing`` is what a
+    later stage found when it tried an accepted one.
     """
 
     spec: Spec
@@ -85,6 +86,7 @@ class Prompt:
     wall_seconds: float
     profiles: tuple[str, ...] = ()
     answers: Mapping[str, str] = field(default_factory=dict)
+    offered: Mapping[str, str] = field(default_factory=dict)
     editable: bool = True
     failed_log: Path | None = None
     summary: str = ""
@@ -146,6 +148,7 @@ def _render(prompt: Prompt, log: str) -> str:
         seconds=round(prompt.wall_seconds),
         profiles=[fenced("profile", text) for text in prompt.profiles],
         answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
+        offered=fenced("offered", _answers(prompt.offered)) if prompt.offered else "",
         findings=fenced("findings", findings(prompt.diagnostics)) if prompt.diagnostics else "",
         of_former=fenced("findings", findings(prompt.of_former)) if prompt.of_former else "",
         right=prompt.right,

@@ -35,6 +35,8 @@ def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tm
     project.write()
     applied = project.run("apply", "-auto-approve")
     assert applied.text.count(LINE) == 1, applied.text
+    asked = (project.attempts("identify")[-1] / "prompt.md").read_text()
+    assert "# Profiles that are not chosen\n" in asked and f"\n{ARM}: so-arm101\n" in asked
     for command in (["plan"], ["devices"]):
         assert project.run(*command).text.count(LINE) == 1, command
     assert [item["line"] for item in json.loads(project.run("devices", "--json").out)["offers"]] == [LINE]
@@ -48,6 +50,9 @@ def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tm
     project.manifest["profiles"] = "[so-arm101, camera-rail]"
     project.write()
     assert project.run("apply", "-auto-approve", status=0).text.count(UNMATCHED) == 1
+    assert "# Profiles that are not chosen" not in (project.attempts("identify")[-1] / "prompt.md").read_text()
+    deploy = (project.attempts("deploy")[-1] / "prompt.md").read_text()
+    assert "Its library: feetech-servo-sdk, imported as scservo_sdk." in deploy and "arm_move_joint" not in deploy
     for screen in ("plan", "status", "coverage"):
         assert project.run(screen).text.count(UNMATCHED) == 1, screen
     (warning,) = json.loads(project.run("status", "-json").out)["warnings"]

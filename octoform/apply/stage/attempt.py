@@ -12,12 +12,12 @@ from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Self
+from typing import Any, Self
 
 from octoform import events
 from octoform.apply.context import Context, accepted
 from octoform.apply.stage import spec_copy
-from octoform.apply.stage.acceptance import read_output
+from octoform.apply.stage.acceptance import offered, read_output
 from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.secret_scan import leaked, without_secrets
 from octoform.base import files, shortage
@@ -39,7 +39,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.manifest.model import MODEL_FREE
-from octoform.profiles import Profile, briefing, devices_of, for_task
+from octoform.profiles import Profile, briefing, devices_of, for_task, packaging
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
 from octoform.state.attempts import folders
@@ -120,6 +120,7 @@ FORMER = "former-"
 """Begins the name of the copy of an output that is to be corrected."""
 FIRST = "probe"
 ASKED = "identify"
+PACKAGES = "deploy"
 
 
 @dataclass(frozen=True, slots=True)
@@ -330,6 +331,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             wall_seconds=task.limits.wall_seconds,
             profiles=_briefings(context, task.stage),
             answers=_answers(context, assignment),
+            offered=_offered(context, assignment),
             failed_log=failed.log if failed else None,
             former=_former(task) if failed and failed.former else None,
             summary=excerpt.text if excerpt.condensed else "",
@@ -342,17 +344,33 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
 
 
 def _briefings(context: Context, stage: str) -> tuple[str, ...]:
-    """What the profiles say, each with the devices of this host for which its evidence holds; nothing otherwise."""
-    return tuple(briefing(profile, devices) for profile, devices in _held(context, stage))
+    """What the profiles say, each with the devices of this host for which its evidence holds; nothing otherwise.
+
+    DEPLOY chooses packages: it is given what they say of packages and files.
+    """
+    told = packaging if stage == PACKAGES else briefing
+    return tuple(text for profile, devices in _held(context, stage) if (text := told(profile, devices)))
 
 
 def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:
     """What a person said of the devices that the agent is asked about; of no other stage's concern than IDENTIFY's."""
     if assignment.stage != ASKED or not context.manifest.answers:
         return {}
-    probe = parse(assignment.given) if assignment.given is not None else accepted(context, FIRST)
-    listed = {device["id"] for device in probe["devices"]}
+    listed = {device["id"] for device in _asked_of(context, assignment)["devices"]}
     return {device: sentence for device, sentence in context.manifest.answers.items() if device in listed}
+
+
+def _offered(context: Context, assignment: Assignment) -> Mapping[str, str]:
+    """By device the profile that matches and is not chosen: a contract that an agent cannot see would reject it."""
+    if assignment.stage != ASKED:
+        return {}
+    return offered(context.profiles, _asked_of(context, assignment), context.manifest.answers)
+
+
+def _asked_of(context: Context, assignment: Assignment) -> Mapping[str, Any]:
+    """PROBE's artifact, or the part of it that IDENTIFY's second agent is asked about."""
+    probe: Mapping[str, Any] = parse(assignment.given) if assignment.given is not None else accepted(context, FIRST)
+    return probe
 
 
 def _held(context: Context, stage: str) -> list[tuple[Profile, frozenset[str]]]:

@@ -102,8 +102,9 @@ def _motion(motion: Mapping[str, Any]) -> Iterator[tuple[str, str]]:
     for key in ("goal", "present", "lowest", "highest"):
         if key in motion:
             yield key, quoted(motion[key])
-    for key in ("minimum", "maximum", "moved", "within"):
+    for key in ("minimum", "maximum", "moved"):
         yield key, repr(motion[key])
+    yield "within", repr(motion["timeout"])  # what the runtime calls it, to which accepted servers are written
     before = [pair for item in motion.get("before", ()) for pair in item.items()]
     yield "before", _tuple(f"({quoted(name)}, {_literal(value)})" for name, value in before)
     yield "release", _tuple(f"({quoted(name)}, {_literal(value)})" for name, value in motion.get("release", {}).items())

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.profiles import Profile, briefing, devices_of, load, match_rule, near
+from octoform.profiles import Profile, briefing, devices_of, load, match_rule, near, packaging
 
 ARM = Path(__file__).parents[3] / "profiles" / "so-arm101.md"
 
@@ -182,6 +182,17 @@ def test_a_briefing_names_devices_and_limits(arm: Profile) -> None:
     assert "matches: usb-1a86-7523." in text
     assert "Limit: position at least 0 and at most 4095 raw." in text
     assert "shoulder_pan" in text
+
+
+def test_deploy_is_told_of_packages_and_files_alone(arm: Profile) -> None:
+    text = packaging(arm, {"usb-1a86-7523"})
+    assert "Its library: feetech-servo-sdk, imported as scservo_sdk." in text
+    assert "~/.cache/huggingface/lerobot/calibration/robots/*/*.json" in text and "matches: usb-1a86-7523." in text
+    assert "arm_move_joint" not in text and '"address"' not in text and "upper arm" not in text
+    assert len(text) < len(briefing(arm, {"usb-1a86-7523"})) / 3
+    prose = replace(arm, grammar=None, body="It is warm.\n\n- Lift it.\n- The pip package is `arm-kit`.\n- Drop it.")
+    assert packaging(prose, {"usb-x"}).splitlines()[2:] == ["", "- The pip package is `arm-kit`."]
+    assert packaging(replace(prose, body="It is warm."), {"usb-x"}) == ""
 
 
 def test_a_profile_is_near_where_a_word_alone_lacks_and_nobody_has_spoken(arm: Profile) -> None:

@@ -42,7 +42,7 @@ grammar:
       before: [{torque: 1}, {pace: speed}]
       speed: {minimum: 1, maximum: 200, default: 40, unit: rpm}
       moved: 20
-      within: 10s
+      timeout: 10s
       release: {torque: 0}
     protect: {field: heat, refuse_at: 80, resume_below: 70.5, unit: Cel}
     calibration: {format: lerobot, files: ["~/pumps/*.json"]}
@@ -97,11 +97,17 @@ def test_a_bus_of_any_maker_is_read_as_data() -> None:
         before=(("torque", 1), ("pace", "speed")),
         speed=Speed(1, 200, 40, "rpm"),
         moved=20,
-        within=10.0,
+        timeout=10.0,
         release=(("torque", 0),),
     )
     assert registers.poses == {"empty": {"left": -1000, "right": 0}}
     assert grammar().commands[4] == Action("pumps_empty", "pose", "empty both pumps", pose="empty", release=True)
+
+
+def test_the_former_name_of_the_timeout_of_a_movement_is_read() -> None:
+    former, found = pump("timeout: 10s", "within: 10s")
+    assert former is not None and found == []
+    assert former.grammar == good().grammar
 
 
 def test_what_a_tool_takes_follows_from_what_it_does() -> None:
@@ -127,7 +133,7 @@ def test_the_task_has_the_bus_as_it_is_on_the_rig() -> None:
     told = for_task(good(), {"usb-a"})["grammar"]["registers"]
     assert (told["units"], told["disabled"]) == ({"left": 12, "right": 11}, {"right": "its hose is torn"})
     assert told["motion"]["before"] == [{"torque": 1}, {"pace": "speed"}]
-    assert (told["motion"]["within"], told["fields"]["heat"]) == (10.0, {"address": 146, "bytes": 1, "unit": "Cel"})
+    assert (told["motion"]["timeout"], told["fields"]["heat"]) == (10.0, {"address": 146, "bytes": 1, "unit": "Cel"})
     assert json.loads(json.dumps(told)) == told
     alone, found = pump(RIG, "")
     assert alone is not None and found == []
@@ -208,8 +214,10 @@ REFUSED: list[tuple[str, str, str]] = [
     ("speed: {minimum: 1,", "speed: {minimum: 300,", "minimum of the speed is above"),
     ("moved: 20", "moved: 0", "'moved'"),
     ("moved: 20", "moved: 2001", "from 1 to 2000"),
-    ("within: 10s", "within: 10", "'within' is no duration from 1s to 60s"),
-    ("within: 10s", "within: 2m", "'within'"),
+    ("timeout: 10s", "timeout: 10", "'timeout' is no duration from 1s to 60s"),
+    ("timeout: 10s", "timeout: 2m", "'timeout'"),
+    ("timeout: 10s", "within: 2m", "'within'"),
+    ("timeout: 10s", "timeout: 10s\n      within: 10s", "are the same"),
     ("release: {torque: 0}", "release: {torqe: 0}", "did you mean 'torque'"),
     ("release: {torque: 0}", "release: {torque: off}", "from 0 to 255"),
     ("resume_below: 70.5", "resume_below: 80", "not below 'refuse_at'"),

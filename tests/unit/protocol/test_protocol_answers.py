@@ -10,7 +10,7 @@ from octoform.protocol.spec_loader import load
 SPEC = load(None)[0]["identify"]
 
 
-def prompt(answers: dict[str, str]) -> str:
+def prompt(answers: dict[str, str], offered: dict[str, str] | None = None) -> str:
     where = Path("/work/attempt")
     return render_prompt(
         Prompt(
@@ -22,6 +22,7 @@ def prompt(answers: dict[str, str]) -> str:
             tools=30,
             wall_seconds=200.0,
             answers=answers,
+            offered=offered or {},
         )
     )
 
@@ -50,3 +51,9 @@ def test_an_answer_cannot_leave_its_fence_or_hide() -> None:
 def test_more_than_a_prompt_holds_is_refused() -> None:
     with pytest.raises(PromptTooLarge):
         prompt({f"usb-{number}": "lamp " * 190 for number in range(MOST_PROMPT_BYTES // 900)})
+
+
+def test_a_profile_that_is_not_chosen_is_named_with_its_device() -> None:
+    text = prompt({}, {"usb-1": "so-arm101"})
+    assert "# Profiles that are not chosen" in text and "```text data=offered\nusb-1: so-arm101\n```" in text
+    assert "that are not chosen" not in prompt({})
