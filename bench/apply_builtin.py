@@ -16,9 +16,8 @@ ROUNDS = 3
 WALL_BOUND, OWN_BOUND = 6.0, 1.2
 PHASES = {
     "agent": "the embedded agent, five stages",
-    "environment": "locking, building and compiling the environment",
-    "import": "the SERVE import check",
-    "server": "starting the server and calling its tools",
+    "environment": "locking and building the environment",
+    "server": "loading FastMCP, the import check, and the client that calls the tools",
 }
 
 

@@ -14,9 +14,8 @@ ROUNDS = 5
 BOUND = 1.0
 PHASES = {
     "agent": "the scripted agent, five times",
-    "environment": "locking, building and compiling the environment",
-    "import": "the SERVE import check",
-    "server": "starting the server and calling its tools",
+    "environment": "locking and building the environment",
+    "server": "loading FastMCP, the import check, and the client that calls the tools",
 }
 
 

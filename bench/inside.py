@@ -18,10 +18,8 @@ from typing import Any
 BEGAN = time.monotonic()
 PROGRAMS = (
     ("reaper.py", "supervised"),
-    ("inspect_server.py", "import"),
-    ("warm.py", "environment"),
     ("/uv", "environment"),
-    ("mcp_client.py", "server"),
+    ("fork_server.py", "server"),
 )
 
 
@@ -98,6 +96,7 @@ class Lines:
 def main() -> int:
     """Run the command and write the report."""
     from octoform.cli.main import main as octoform
+    from octoform.endpoint.bounded_program import ForkServer
 
     children, lines = Children(), Lines()
     children.watch()
@@ -107,6 +106,7 @@ def main() -> int:
     finally:
         sys.stdout = screen
     used = resource.getrusage(resource.RUSAGE_SELF)
+    ForkServer.end_all()  # it tells what it and its forks spent when it ends
     _write(sys.argv[1], used.ru_utime + used.ru_stime, children, lines)
     return status
 

@@ -12,6 +12,7 @@ import pytest
 from endings import end_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
+from projects import Project
 
 from octoform.base.files import replace
 from octoform.endpoint.environment.build import GUESS, has_environment, prepare
@@ -87,6 +88,12 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = run_folder(tmp_path_factory) / "environments"
     folder.mkdir(mode=0o700, exist_ok=True)
     return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared(environments: Path) -> None:
+    """Projects of the scripted agent have them without asking."""
+    Project.shared_environments = environments
 
 
 @pytest.fixture(scope="session")

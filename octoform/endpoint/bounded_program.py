@@ -5,23 +5,32 @@ own, so a pipe and a `wait` are not enough: output goes to files (a survivor tha
 reader), the program gets its own process group, and every process that bears this run's mark is killed at the end.
 """
 
+import atexit
 import errno
+import json
 import os
+import select
+import socket
 import subprocess
 import tempfile
+import threading
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, ClassVar
 
 from octoform.base import processes, shortage
 
 MARK = "OCTOFORM_RUN"
 OUTPUT_LIMIT = 8_000_000
 """Bytes read of each stream; a report that is longer is not a report."""
+
+SCRIPT = Path(__file__).parent / "scripts" / "fork_server.py"
+END_SECONDS = 1.0
+"""In which a fork server ends once nobody can order anything of it; it holds nothing that would be lost."""
 
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "SHELL", "TERM")
 """Variables that every child gets: nearly what an MCP client hands to a stdio server, and no secrets."""
@@ -48,6 +57,11 @@ def base_environment() -> dict[str, str]:
     return {name: os.environ[name] for name in PASSED if name in os.environ}
 
 
+def serving_environment() -> dict[str, str]:
+    """Those, and what keeps FastMCP from reading a .env of the working folder and from looking for a newer release."""
+    return {**base_environment(), "FASTMCP_ENV_FILE": os.devnull, "FASTMCP_CHECK_FOR_UPDATES": "off"}
+
+
 def run(
     command: Sequence[str],
     *,
@@ -55,28 +69,36 @@ def run(
     environment: Mapping[str, str],
     timeout: float,
     stdin: str = "",
+    fork_server: "ForkServer | None" = None,
 ) -> Finished:
-    """Run ``command`` for at most ``timeout`` seconds.
+    """Run ``command`` for at most ``timeout`` seconds; as a fork of ``fork_server`` where one is given and works.
 
-    FileNotFoundError or PermissionError when it cannot start, BlockingIOError when it got no process or thread.
+    Then ``command`` is its interpreter, ``-I``, a script and arguments. FileNotFoundError or PermissionError when it
+    cannot start, BlockingIOError when it got no process or thread.
     """
     mark = processes.new()
     started = time.monotonic()
     with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err, tempfile.TemporaryFile() as feed:
         feed.write(stdin.encode())
         feed.seek(0)
-        process = subprocess.Popen(
-            list(command),
-            cwd=cwd,
-            env={**environment, MARK: mark},
-            preexec_fn=_marked(mark),
-            stdin=feed,
-            stdout=out,
-            stderr=err,
-            start_new_session=True,
-        )
+        marked_environment = {**environment, MARK: mark}
+        streams = (feed.fileno(), out.fileno(), err.fileno())
+        process: Forked | subprocess.Popen[bytes] | None = None
+        if fork_server is not None and fork_server.loaded(timeout):
+            process = fork_server.fork(command[2:], cwd, marked_environment, streams, mark)
+        if process is None:
+            process = subprocess.Popen(
+                list(command),
+                cwd=cwd,
+                env=marked_environment,
+                preexec_fn=_marked(mark),
+                stdin=feed,
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+            )
         try:
-            status: int | None = process.wait(timeout)
+            status: int | None = process.wait(max(0.0, timeout - (time.monotonic() - started)))
         except subprocess.TimeoutExpired:
             status = None
         finally:
@@ -84,57 +106,161 @@ def run(
         return _served(Finished(status, _head(out), _head(err), time.monotonic() - started, survivors))
 
 
-class Begun:
-    """A program that was started before its task is known, so that it can load meanwhile.
+class ForkServer:
+    """An interpreter of a serving environment that has loaded what every server and every client loads.
 
-    It is given its task on standard input by `finish`; `drop` ends it without one. One of both has to be called.
+    That takes a second or two of CPU time, once: scripts run as forks of it. It ends with this process, or after a
+    minute without work; `at` gives the one of an interpreter. Where it does not load, `run` starts the script as a
+    program of its own, which tells what is wrong.
     """
 
-    def __init__(self, command: Sequence[str], *, cwd: Path, environment: Mapping[str, str]) -> None:
-        """Start it; FileNotFoundError or PermissionError when that does not work."""
-        self._mark = processes.new()
-        with ExitStack() as opened:
-            self._out = opened.enter_context(tempfile.TemporaryFile())
-            self._err = opened.enter_context(tempfile.TemporaryFile())
+    _kept: ClassVar[dict[tuple[int, ...], "ForkServer"]] = {}
+    _turn: ClassVar[threading.Lock] = threading.Lock()
+
+    @classmethod
+    def at(cls, python: Path) -> "ForkServer":
+        """The fork server of this interpreter, begun where none runs, or where its environment was built again.
+
+        FileNotFoundError or PermissionError when there is no such interpreter.
+        """
+        with cls._turn:
+            status = python.parents[1].stat()
+            environment = (status.st_dev, status.st_ino, status.st_ctime_ns)
+            found = cls._kept.get(environment)
+            if found is not None and not found._lives():
+                found.end()
+                found = None
+            if found is None:
+                found = cls._kept[environment] = cls(python)
+            return found
+
+    @classmethod
+    def end_all(cls) -> None:
+        """End those of this process."""
+        with cls._turn:
+            while cls._kept:
+                cls._kept.popitem()[1].end()
+
+    def __init__(self, python: Path) -> None:
+        """Begin to load; who needs it waits by `loaded`."""
+        self._owner = os.getpid()
+        self._loaded: bool | None = None
+        self._waits = threading.Lock()
+        self._orders, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        # Several projects may have the environment, each by a link of its own that goes with the project.
+        folder = python.parents[1].resolve()
+        with its:
             self._process = subprocess.Popen(
-                list(command),
-                cwd=cwd,
-                env={**environment, MARK: self._mark},
-                preexec_fn=_marked(self._mark),
-                stdin=subprocess.PIPE,
-                stdout=self._out,
-                stderr=self._err,
+                [str(folder / "bin" / python.name), "-I", str(SCRIPT), str(its.fileno())],
+                cwd=folder,
+                env=serving_environment(),
+                pass_fds=[its.fileno()],
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=subprocess.DEVNULL,
                 start_new_session=True,
             )
-            self._files = opened.pop_all()
 
-    def finish(self, stdin: str, timeout: float) -> Finished:
-        """Hand it its task and wait for its end, for at most ``timeout`` seconds, which are counted from now."""
-        started = time.monotonic()
-        try:
-            self._process.communicate(stdin.encode(), timeout)
-            status: int | None = self._process.returncode
-        except subprocess.TimeoutExpired:
-            status = None
-        except BaseException:
-            self.drop()
-            raise
-        survivors = _clear(self._process, self._mark)
-        finished = Finished(status, _head(self._out), _head(self._err), time.monotonic() - started, survivors)
-        self._close()
-        return _served(finished)
+    def loaded(self, timeout: float) -> bool:
+        """Wait until it has loaded; False when it ended before, or did not load within ``timeout`` seconds."""
+        with self._waits:
+            if self._loaded is None:
+                self._orders.settimeout(timeout)
+                try:
+                    self._loaded = self._orders.recv(16) == b"ready"
+                except OSError:
+                    self._loaded = False
+            return self._loaded
 
-    def drop(self) -> None:
-        """End it, with all that it has started; nothing when it has ended by `finish`."""
-        if not self._out.closed:
-            _clear(self._process, self._mark)
-            self._close()
-
-    def _close(self) -> None:
-        if self._process.stdin is not None:
+    def fork(
+        self, argv: Sequence[str], cwd: Path, environ: Mapping[str, str], streams: tuple[int, int, int], mark: str
+    ) -> "Forked | None":
+        """A fork that runs the script ``argv[0]``; None when there can be none, BlockingIOError without a process."""
+        order = json.dumps({"argv": list(argv), "cwd": str(cwd), "environ": dict(environ)}).encode()
+        mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with ExitStack() as opened:
+            opened.enter_context(mine)
+            with its:
+                try:
+                    socket.send_fds(self._orders, [order], [its.fileno(), *streams])
+                except OSError:  # it has ended
+                    return None
+            answer, descriptors, _, _ = socket.recv_fds(mine, 64, 1)
+            if not descriptors:
+                if answer:
+                    raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
+                return None
+            forked = Forked(int(answer), descriptors[0], mine)
+            # It begins after this: what the script starts in its first moments has to bear the mark too.
+            if not processes.put_on(mark, forked.pid):
+                os.close(descriptors[0])
+                return None
             with suppress(BrokenPipeError):
-                self._process.stdin.close()
-        self._files.close()
+                mine.send(b"g")
+            opened.pop_all()
+        return forked
+
+    def end(self) -> None:
+        """End it, and not what it has forked. One that a fork of this process inherited is left to this process."""
+        self._orders.close()
+        if self._owner == os.getpid():
+            try:
+                self._process.wait(END_SECONDS)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+    def _lives(self) -> bool:
+        if self._loaded is False:
+            return False
+        # Once it has loaded it says nothing more: what there is to read is its end.
+        return not self._loaded or not select.select([self._orders], [], [], 0)[0]
+
+
+atexit.register(ForkServer.end_all)
+
+
+class Forked:
+    """A script that runs as a fork of a fork server, in the form of `subprocess.Popen`."""
+
+    LOST = 1
+    """The status of one whose server ended before it."""
+
+    def __init__(self, pid: int, pidfd: int, answers: socket.socket) -> None:
+        self.pid = pid
+        self._start = processes.start_of(pid)
+        self._pidfd = pidfd
+        self._answers = answers
+        self._status: int | None = None
+
+    def poll(self) -> int | None:
+        """Its status, None while it runs."""
+        try:
+            return self.wait(0)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def wait(self, timeout: float | None = None) -> int:
+        """Its status once it has ended; subprocess.TimeoutExpired when it has not in ``timeout`` seconds."""
+        if self._status is None:
+            started = time.monotonic()
+            self._await(self._answers.fileno(), timeout)
+            told = self._answers.recv(64)
+            if not told:
+                self._await(self._pidfd, timeout and max(0.0, timeout - (time.monotonic() - started)))
+            self._status = int(told) if told else self.LOST
+            self._answers.close()
+            os.close(self._pidfd)
+        return self._status
+
+    def kill(self) -> None:
+        """Kill it, if it has not ended."""
+        if self._status is None:
+            processes.signal_one(self.pid, self._start)
+
+    def _await(self, descriptor: int, timeout: float | None) -> None:
+        if not select.select([descriptor], [], [], timeout)[0]:
+            raise subprocess.TimeoutExpired([str(self.pid)], timeout or 0.0)
 
 
 def _served(finished: Finished) -> Finished:
@@ -152,10 +278,13 @@ def _marked(mark: str) -> Callable[[], object]:
     return partial(processes.put_on, mark)
 
 
-def _clear(process: "subprocess.Popen[bytes]", mark: str) -> int:
+def _clear(process: "Forked | subprocess.Popen[bytes]", mark: str) -> int:
     """Kill what is left of the run; gives the number of processes besides ``process`` itself."""
     if process.poll() is None:
-        processes.signal_group(process)
+        if isinstance(process, Forked):
+            process.kill()
+        else:
+            processes.signal_group(process)
         process.wait()
     return clear(mark)
 

@@ -1,6 +1,7 @@
 """The process behind every client of a host: check, load, own, serve, until it is asked to stop."""
 
 import asyncio
+import gc
 import importlib
 import logging
 import os
@@ -89,12 +90,15 @@ def main(folder: Path) -> int:
             return TAKEN
         os.environ.update(descriptor.environment)
         processes.put_on(os.environ.setdefault(MARK, processes.new(16)))  # who started it by hand has given none
+        gc.disable()  # all that is loaded stays: looking through it for garbage takes a seventh of the start
         from .wiring import (  # only now: FastMCP reads its settings from the environment as it is loaded
             DoorFailedError,
             Endpoint,
         )
 
         endpoint = Endpoint(descriptor, owner, load(descriptor))
+        gc.freeze()
+        gc.enable()
     except (RefusedError, NotOursError, PolicyInvalid, AuditFailed) as problem:
         return _refuse(problem)
     status = 0

@@ -9,7 +9,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import warm
 from bench_host import bench_host
@@ -51,8 +51,12 @@ class Project:
 
     ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
     ``prefix`` is a command that runs octoform, ``host`` the name of the host,
-    ``harness`` the manifest's harness in place of the scripted agent. A command may take ``seconds``.
+    ``harness`` the manifest's harness in place of the scripted agent. A command may take ``seconds``. The serving
+    environment, whose building costs as much as all the rest of an apply, is that of all such projects of the run,
+    unless the test has to do with it (``own_environments``).
     """
+
+    shared_environments: ClassVar[Path | None] = None
 
     folder: Path
     outside: Path
@@ -64,6 +68,7 @@ class Project:
     host: str = "bench"
     harness: str | None = None
     seconds: float = SECONDS
+    own_environments: bool = False
 
     @property
     def state(self) -> Path:
@@ -77,6 +82,8 @@ class Project:
         """Write manifest and script as they are now."""
         self.folder.mkdir(parents=True, exist_ok=True)
         self.outside.mkdir(parents=True, exist_ok=True)
+        if self.harness is None and not self.own_environments and self.shared_environments is not None:
+            self.share_environments(self.shared_environments)
         (self.outside / "script.json").write_text(json.dumps(self.script))
         lines = ["version: 1", f"host: {self.host}", f"harness: {self.harness or self.scripted()}"]
         # A test calls as a program does, of which nobody can ask anything.
@@ -161,12 +168,11 @@ class Project:
         return int(self.agent_runs()[count - 1]["pid"])
 
     def share_environments(self, folder: Path) -> None:
-        """Keep serving environments in a folder that other projects have too: those of equal packages are one.
-
-        For tests that prove something else than the building of it, which costs as much as all the rest of an apply.
-        """
-        self.local.mkdir(parents=True, exist_ok=True)
-        (self.local / "environments").symlink_to(folder)
+        """Keep serving environments in a folder that other projects have too: those of equal packages are one."""
+        link = self.local / "environments"
+        if not link.exists():
+            self.local.mkdir(parents=True, exist_ok=True)
+            link.symlink_to(folder)
 
     def take_environments(self, folder: Path, *, linked: bool = True) -> None:
         """Begin with copies of environments as if they had been built here, in a folder of the project's own.

@@ -25,6 +25,8 @@ from functools import cache
 from pathlib import Path
 
 import octoform
+from octoform.endpoint.bounded_program import ForkServer
+from octoform.endpoint.environment.model import at
 
 LARGEST = 1 << 20
 _ONE = threading.Lock()
@@ -126,11 +128,12 @@ def keep(orders: socket.socket) -> int:
             order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 3)
             if not order:
                 return 0
+            servers = _fork_servers(Path(json.loads(order)["cwd"]))
             pid = os.fork()
             if not pid:
                 selector.close()
                 orders.detach()
-                _become(json.loads(order), *descriptors[1:])
+                _become(json.loads(order), *descriptors[1:], *servers)
                 _ENDED.append(_status())
                 return _ENDED[0]
             asker = socket.socket(fileno=descriptors[0])
@@ -138,6 +141,22 @@ def keep(orders: socket.socket) -> int:
             os.close(descriptors[2])
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _fork_servers(folder: Path) -> list[int]:
+    """Descriptors of the fork servers of environments that a project shares with others: they outlast its commands.
+
+    Only those: that a command begins and ends its own is tested where a project has its own environment.
+    """
+    found = []
+    for shared in folder.glob(".octoform/*/environments"):
+        for path in shared.iterdir() if shared.is_symlink() else ():
+            environment = at(path)
+            if environment is not None and environment.python.exists():
+                server = ForkServer.at(environment.python)
+                if server.loaded(60):
+                    found.append(server._orders.fileno())
+    return found
 
 
 def _core() -> Iterator[str]:
@@ -172,13 +191,16 @@ def _tell_end(pid: int, asker: socket.socket) -> None:
         asker.send(str(status).encode())
 
 
-def _become(order: dict[str, object], out: int, err: int) -> None:
+def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
     """Take on folder, environment, arguments and streams of the order, as a new program has them."""
     environ, argv = order["environ"], order["argv"]
     assert isinstance(environ, dict) and isinstance(argv, list)
     os.dup2(out, 1)
     os.dup2(err, 2)
-    os.closerange(3, 1024)
+    first = 3
+    for descriptor in (*sorted(kept), 1024):
+        os.closerange(first, descriptor)
+        first = descriptor + 1
     if order["said"]:
         _hear(str(order["said"]))
     sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115

@@ -30,8 +30,8 @@ from octoform.contracts.script_header import declared_requirements, normalised
 from octoform.contracts.server_source import imported_modules, needed_source
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
+from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.check import CheckReport, check, judge_check
-from octoform.endpoint.client.sdk_client import Client
 from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
@@ -261,17 +261,17 @@ def publish(
     if problem := obstacle(context.layout, PUBLISHED_BYTES):
         found.append(problem)
         return None
-    with Client(context.layout, environment, _time(context, math.inf)) as client:
-        stop(context.layout)
-        service = service_of(context, deploy)
-        found += doubts_of(context)
-        found += write_endpoint(context.layout, environment, service, context.environ)
-        if service.network is not None:
-            found += ensure_default(context.layout)
-        if has_errors(found):
-            return None
-        interface = shown(context.layout, accepted(context, "interface"))
-        report = check(context.layout, interface, smoke=smoke, client=client)
+    ForkServer.at(environment.python)  # it loads while the endpoint is written and started
+    stop(context.layout)
+    service = service_of(context, deploy)
+    found += doubts_of(context)
+    found += write_endpoint(context.layout, environment, service, context.environ)
+    if service.network is not None:
+        found += ensure_default(context.layout)
+    if has_errors(found):
+        return None
+    interface = shown(context.layout, accepted(context, "interface"))
+    report = check(context.layout, interface, smoke=smoke, seconds=_time(context, math.inf))
     judged = (
         judge(report, interface)
         if judge

@@ -5,15 +5,18 @@ the tool is called, and a call that is not in the injected log is invisible to a
 """
 
 import json
+import math
 import re
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
+from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
-from octoform.endpoint.client.sdk_client import Call, Client, ClientReport, recorded_environment
+from octoform.endpoint.client.sdk_client import Call, ClientReport, converse, recorded_environment
 from octoform.endpoint.expected_tools import untried
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.policy import LINE
@@ -113,14 +116,14 @@ def check(
     smoke: bool = True,
     mode: str = "auto",
     call_seconds: float = CALL_SECONDS,
-    client: Client | None = None,
+    seconds: float = math.inf,
 ) -> CheckReport:
     """Check the applied endpoint against the INTERFACE artifact and record the result beside the launcher.
 
     With ``smoke`` every tool of effect ``read`` is called for each of its devices, one call after the other, and then
-    again what answered at once with numbers, save for tools that write to a line which no one knows; ``client`` is one
-    that is being loaded already, and ends here. Never raises for what the server does. Takes two seconds of wall
-    time, nearly all of it in other processes.
+    again what answered at once with numbers, save for tools that write to a line which no one knows. After ``seconds``
+    the check is ended. Never raises for what the server does. Takes two seconds of wall time, nearly all of it in
+    other processes.
     """
     environment = recorded_environment(layout)
     if environment is None:
@@ -132,13 +135,14 @@ def check(
     calls = [
         Call(trial.tool, trial.arguments, call_seconds, REPEATED) for trial in wanted if trial.arguments is not None
     ]
-    with client or Client(layout, environment) as sent:
-        process, problem = start(layout)
-        if process is None:
-            report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
-            return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
-        position = mark(layout.call_log)
-        seen = sent.send(calls, mode=mode)
+    until = time.monotonic() + seconds
+    ForkServer.at(environment.python)  # it loads while the endpoint does
+    process, problem = start(layout)
+    if process is None:
+        report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
+        return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
+    position = mark(layout.call_log)
+    seen = converse(layout, environment, calls, mode=mode, seconds=max(0.0, until - time.monotonic()))
     report = _report(seen, wanted, calls_after(layout.call_log, position))
     report = replace(report, calls=(*report.calls, *left), survivors=clear_left(process, spare=True))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))

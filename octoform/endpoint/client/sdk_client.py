@@ -2,14 +2,13 @@
 
 import json
 import math
-import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.endpoint.bounded_program import Begun, Finished, base_environment
+from octoform.endpoint.bounded_program import Finished, ForkServer, run, serving_environment
 from octoform.endpoint.environment.model import Environment, at
 from octoform.endpoint.publication import client_command
 from octoform.endpoint.published_files import read_manifest
@@ -56,45 +55,38 @@ def recorded_environment(layout: Layout) -> Environment | None:
     return at(Path(str(manifest["environment"]))) if manifest and "environment" in manifest else None
 
 
-class Client:
-    """A client that loads while the endpoint is being started, which takes as long as its loading.
+def converse(
+    layout: Layout,
+    environment: Environment,
+    calls: Sequence[Call] = (),
+    *,
+    mode: str = "auto",
+    seconds: float = math.inf,
+) -> ClientReport:
+    """Connect as any client does, list the tools, make the calls; blocks until the client is gone again.
 
-    ``seconds`` from now it is ended, whatever it has been sent for.
+    ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). After ``seconds`` the client is
+    ended, whatever it has come to.
     """
-
-    def __init__(self, layout: Layout, environment: Environment, seconds: float = math.inf) -> None:
-        self._layout = layout
-        self._until = time.monotonic() + seconds
-        self._begun = Begun(
-            [str(environment.python), "-I", str(SCRIPT)],
-            cwd=layout.project,
-            environment={**base_environment(), "FASTMCP_CHECK_FOR_UPDATES": "off", "FASTMCP_ENV_FILE": "/dev/null"},
-        )
-
-    def __enter__(self) -> "Client":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        """End it where it was not sent."""
-        self._begun.drop()
-
-    def send(self, calls: Sequence[Call] = (), *, mode: str = "auto") -> ClientReport:
-        """Connect as any client does, list the tools, make the calls; blocks until the client is gone again. Once.
-
-        ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). Costs about a CPU second of
-        other processes.
-        """
-        task = {
-            "command": client_command(self._layout),
-            "mode": mode,
-            "start_seconds": START_SECONDS,
-            "calls": [
-                {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds, "again": call.again}
-                for call in calls
-            ],
-        }
-        timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + call.again) for call in calls)
-        return _told(self._begun.finish(json.dumps(task), min(timeout, max(0.0, self._until - time.monotonic()))))
+    task = {
+        "command": client_command(layout),
+        "mode": mode,
+        "start_seconds": START_SECONDS,
+        "calls": [
+            {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds, "again": call.again}
+            for call in calls
+        ],
+    }
+    timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + call.again) for call in calls)
+    finished = run(
+        [str(environment.python), "-I", str(SCRIPT)],
+        cwd=layout.project,
+        environment=serving_environment(),
+        timeout=min(timeout, seconds),
+        stdin=json.dumps(task),
+        fork_server=ForkServer.at(environment.python),
+    )
+    return _told(finished)
 
 
 def _told(finished: Finished) -> ClientReport:

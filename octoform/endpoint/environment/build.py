@@ -17,7 +17,7 @@ from octoform.base import shortage
 from octoform.base.files import private_folder, replace
 from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.bounded_program import base_environment, run
+from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.environment.lockfile import packages, reason, resolve, tool_missing
 from octoform.endpoint.environment.model import (
     FOLDER_NAME,
@@ -156,7 +156,6 @@ def _failed(summary: str, detail: str) -> Diagnostic:
 
 GUESS = ("fastmcp>=4.1,<4.2",)
 """What the SERVE spec asks of every server; further packages differ from host to host."""
-SCRIPT = Path(__file__).parents[1] / "scripts" / "warm.py"
 SECONDS = 120.0
 COMPILING = ".compiling.lock"
 
@@ -195,9 +194,8 @@ def prepare(layout: Layout, requirements: Sequence[str]) -> bool:
     environment, _ = build(layout, lock, SECONDS)
     if environment is None:
         return False
-    command = [str(environment.python), "-I", str(SCRIPT)]
     with held(layout.environments / COMPILING):
-        return run(command, cwd=environment.path, environment=base_environment(), timeout=SECONDS).status == 0
+        return ForkServer.at(environment.python).loaded(SECONDS)
 
 
 def await_bytecode(layout: Layout) -> None:

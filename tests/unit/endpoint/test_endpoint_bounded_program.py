@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from waiting import until
 
-from octoform.endpoint.bounded_program import Begun, base_environment, marked, run
+from octoform.endpoint.bounded_program import base_environment, run
 
 DETACHED = """
 import os, sys, time
@@ -59,8 +58,6 @@ def test_the_mark_is_on_before_the_program_begins(tmp_path: Path, monkeypatch: p
     monkeypatch.setattr(subprocess.Popen, "__init__", late)
     done = run([sys.executable, "-I", "-S", "-c", BARE], cwd=tmp_path, environment=base_environment(), timeout=20)
     assert (done.status, done.survivors) == (0, 1)
-    begun = Begun([sys.executable, "-I", "-S", "-c", BARE], cwd=tmp_path, environment=base_environment())
-    assert begun.finish("", 20).survivors == 1
 
 
 def test_the_time_limit_ends_the_whole_tree(tmp_path: Path) -> None:
@@ -75,17 +72,3 @@ def test_a_child_sees_no_secret_of_ours(tmp_path: Path, monkeypatch: object) -> 
         [sys.executable, "-c", "import os; print(*os.environ)"], cwd=tmp_path, environment={"A": "1"}, timeout=20
     )
     assert set(done.stdout.split()) <= {"A", "OCTOFORM_RUN", "LC_CTYPE"}
-
-
-def test_a_program_that_loads_before_its_task_is_known_is_given_it_later(tmp_path: Path) -> None:
-    program = "import sys; print(sys.stdin.read().upper()); sys.exit(3)"
-    begun = Begun([sys.executable, "-c", program], cwd=tmp_path, environment={})
-    done = begun.finish("yes", 20)
-    assert (done.status, done.stdout, done.survivors) == (3, "YES\n", 0)
-    begun.drop()
-
-
-def test_a_program_that_got_no_task_leaves_nothing(tmp_path: Path) -> None:
-    begun = Begun([sys.executable, "-c", DETACHED, "stay"], cwd=tmp_path, environment=base_environment())
-    begun.drop()
-    until(lambda: marked(begun._mark) == [])  # killed, and gone as soon as the kernel has taken it apart
