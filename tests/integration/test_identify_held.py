@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 from bench_host import shop
-from held import Change, Output, both, refusals
+from held import Change, Output, both, probed, refusals
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
@@ -302,7 +302,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
     probe = probe_root(host)
     changes = [*(change for change, _, _ in WRONG.values()), allowed]
     good = identify(probe, IdDatabases(host))
-    return dict(zip(WRONG, refusals(folder, host, "identify", {"probe": probe}, good, changes)[1], strict=True))
+    _, errors = refusals(folder, host, "identify", {"probe": probe}, good, changes, known=probed(host, probe))
+    return dict(zip(WRONG, errors, strict=True))
 
 
 @pytest.mark.parametrize("case", WRONG)

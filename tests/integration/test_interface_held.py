@@ -10,6 +10,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
+from octoform.contracts.model import Artifacts
 
 PANELS = ["backlight-panel", "backlight-panel2"]
 CAMERA, KEYS, TOUCH = "usb-1f00-00c1", "platform-keys", "hid-1f00-0077"
@@ -208,7 +209,10 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
     found = identify(probe, IdDatabases(host))
     changes = [*(change for change, _, _ in WRONG.values()), allowed]
     earlier = {"probe": probe, "identify": found}
-    return dict(zip(WRONG, refusals(folder, host, "interface", earlier, declare(found, 30), changes)[1], strict=True))
+    known = Artifacts(probe=probe, identify=found)
+    good = declare(found, 30)
+    _, errors = refusals(folder, host, "interface", earlier, good, changes, known=lambda _: known)
+    return dict(zip(WRONG, errors, strict=True))
 
 
 @pytest.mark.parametrize("case", WRONG)

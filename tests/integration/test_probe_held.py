@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from bench_host import SERIAL, lab
-from held import refusals
+from held import refusals, scanned
 from projects import Project
 
 from octoform.builtin.probe.stage import probe_root
@@ -122,7 +122,7 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str
     folder = tmp_path_factory.mktemp("held")
     host = lab(folder / "host")
     changes = [*(change for change, _, _ in WRONG.values()), kinds_only]
-    project, errors = refusals(folder, host, "probe", {}, probe_root(host), changes)
+    project, errors = refusals(folder, host, "probe", {}, probe_root(host), changes, known=scanned(host))
     return project, dict(zip(WRONG, errors, strict=True))
 
 

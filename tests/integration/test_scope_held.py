@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+import held
 import pytest
 from bench_host import lab
 from held import Output, changed, refusals
@@ -108,7 +109,7 @@ def probed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str,
     folder = tmp_path_factory.mktemp("near")
     host = lab(folder / "host")
     changes = [*(change for change, _ in PROBE.values()), near]
-    project, errors = refusals(folder, host, "probe", {}, probe_root(host), changes)
+    project, errors = refusals(folder, host, "probe", {}, probe_root(host), changes, known=held.scanned(host))
     return project, dict(zip(PROBE, errors, strict=True))
 
 
@@ -119,7 +120,9 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[
     probe = changed(probe_root(host), near)
     good = identify(probe, IdDatabases(host))
     changes = [*(change for change, _ in IDENTIFY.values()), lambda value: None]
-    project, errors = refusals(folder, host, "identify", {"probe": probe}, good, changes)
+    project, errors = refusals(
+        folder, host, "identify", {"probe": probe}, good, changes, known=held.probed(host, probe)
+    )
     return project, dict(zip(IDENTIFY, errors, strict=True))
 
 

@@ -13,6 +13,7 @@ from bench_host import written
 from held import Edit, Output, refusals
 from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of, body, line, read_by, swap, uses, warm
 
+from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.serve.serve_rules import serve_static
 
 # what is wrong -> (edit, code, words of the finding)
@@ -626,7 +627,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> dict[st
     folder = tmp_path_factory.mktemp("serve-held")
     earlier, good = written(folder / "host")
     edits = [*(edit for edit, _, _ in WRONG.values()), all_of()]
-    _, errors = refusals(folder, folder / "host", "serve", earlier, good, edits, compiled)
+    known = Artifacts(interface=earlier["interface"])
+    _, errors = refusals(folder, folder / "host", "serve", earlier, good, edits, compiled, lambda _: known)
     return dict(zip(WRONG, errors, strict=True))
 
 

@@ -1,4 +1,9 @@
-"""Runs one stage with an agent whose attempts are wrong one after the other, and tells what each was refused for."""
+"""What each of many wrong outputs of one stage is refused for, in the run of an agent or by the contract alone.
+
+What the contract refuses is judged here, with all that is dear made once. An agent is run for what only its run shows
+(a server that has to be imported), for some of the others, so that both ways are seen to say the same, and for the one
+that must be accepted in the end.
+"""
 
 import copy
 import json
@@ -6,11 +11,23 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from case_hosts import SCHEMAS
 from projects import Project
+
+from octoform.apply.stage.secret_scan import blanked
+from octoform.base.id_databases import IdDatabases
+from octoform.builtin.scan import beside
+from octoform.contracts.artifact_parser import parse
+from octoform.contracts.contract_check import check, has_shape
+from octoform.contracts.model import Artifacts, HostScan
+from octoform.diagnostics import Diagnostic, Severity, to_json
 
 Output = dict[str, Any]
 Change = Callable[[Output], None]
 Edit = Callable[[str], str]
+Known = Callable[[Any], Artifacts]
+"""What the contract holds an output to, for the value of that output."""
+ALSO_RUN = 3
 MOST_ATTEMPTS = 18
 """The most that are tried in one run here; the manifest takes up to 20."""
 
@@ -23,12 +40,71 @@ def refusals(
     good: Output | str,
     changes: Sequence[Change] | Sequence[Edit],
     compiled: Path | None = None,
+    known: Known | None = None,
 ) -> tuple[Project, list[dict[str, str]]]:
-    """The errors of each attempt but the last, which must be accepted: code to the whole diagnostic as text.
+    """The errors of each output but the last, which must be accepted: code to the whole diagnostic as text.
 
-    ``earlier`` are the outputs of the stages before; each attempt writes ``good`` after one of the ``changes``, which
-    make another text of a text. ``compiled`` is the fixture of that name, for stages that build some.
+    ``earlier`` are the outputs of the stages before; each output is ``good`` after one of the ``changes``, which
+    make another text of a text. ``compiled`` is the fixture of that name, for stages that build some. ``known`` is what
+    the contract is given with an output; without it an agent is run for every one.
     """
+    if known is None:
+        return _run(folder, host, stage, earlier, good, changes, compiled)
+    found = [_by_contract(stage, _written(good, change), known) for change in changes]
+    assert not found[-1], found[-1]
+    refused = [place for place, errors in enumerate(found) if errors]
+    assert len(refused) >= ALSO_RUN
+    also = {refused[number * (len(refused) - 1) // (ALSO_RUN - 1)] for number in range(ALSO_RUN)}
+    tried = [place for place, errors in enumerate(found[:-1]) if not errors or place in also]
+    project, ran = _run(folder, host, stage, earlier, good, [changes[place] for place in [*tried, -1]], compiled)
+    for place, errors in zip(tried, ran, strict=True):
+        assert place not in also or errors.keys() == found[place].keys(), "the run says something else"
+        found[place] = errors
+    return project, found[:-1]
+
+
+def scanned(host: Path) -> Known:
+    """What PROBE is held to: the host's own scan."""
+
+    def known(value: Any) -> Artifacts:
+        if not has_shape("probe", value, SCHEMAS):
+            return Artifacts()
+        seen = beside(value, host)
+        return Artifacts(scan=HostScan(blanked(seen["probe"]), tuple(seen["unsaid"]), tuple(seen["untrue"])))
+
+    return known
+
+
+def probed(host: Path, probe: Output) -> Known:
+    """What IDENTIFY is held to: the accepted PROBE, and the id databases of the host."""
+    databases = IdDatabases(host)
+    registered = {
+        each["id"]: " ".join(databases.lookup(each["interface"], each["vid"], each["pid"])).strip()
+        for each in probe["devices"]
+        if each.get("vid") and each.get("pid")
+    }
+    return lambda _: Artifacts(probe=probe, registered=registered)
+
+
+def _by_contract(stage: str, text: str, known: Known) -> dict[str, str]:
+    """The errors of an output by its contract alone, in the same form."""
+    value, found = parse(stage, text.encode(), "output.json")
+    listed: list[Diagnostic] = found + (check(stage, value, known(value), SCHEMAS) if value is not None else [])
+    if not any(item.severity is Severity.ERROR for item in listed):
+        return {}
+    return {item.code: json.dumps(to_json(item), ensure_ascii=False) for item in listed}
+
+
+def _run(
+    folder: Path,
+    host: Path,
+    stage: str,
+    earlier: Mapping[str, Output],
+    good: Output | str,
+    changes: Sequence[Any],
+    compiled: Path | None,
+) -> tuple[Project, list[dict[str, str]]]:
+    """The same, each from an attempt of its own."""
     project = Project(folder / "project", folder / "outside")
     project.environ["OCTOFORM_SYSROOT"] = str(host)
     if compiled is not None:
