@@ -100,6 +100,8 @@ def test_a_picture_is_saved_as_it_was_given(tmp_path: Path) -> None:
 
 
 WIDE, HIGH = 128, 96
+LOOKS = 40
+"""More than a source without noise needs to be called frozen, several times over."""
 
 
 @dataclass
@@ -136,26 +138,26 @@ class Still:
 @pytest.mark.parametrize("every", [5, 30])
 def test_a_healthy_camera_before_a_scene_that_stands_still_is_never_called_frozen(tmp_path: Path, every: int) -> None:
     camera = Still(Sensor())
-    looks = camera.looks(tmp_path, 200, every)
+    looks = camera.looks(tmp_path, LOOKS, every)
     assert {item.trouble for item in looks} == {None}
     assert looks[-1].record is not None and looks[-1].record.summary.frozen == 0
-    assert camera.taken == 200, "a healthy camera is asked once a look"
+    assert camera.taken == LOOKS, "a healthy camera is asked once a look"
 
 
 def test_a_camera_that_freezes_is_told_within_one_look_and_until_it_gives_new_pictures(tmp_path: Path) -> None:
     camera = Still(Sensor())
     camera.looks(tmp_path, 5, 30)
     camera.stuck = camera.sensor.exposed(camera.scene) if camera.sensor else None
-    frozen = camera.looks(tmp_path, 100, 30)
-    assert [item.trouble for item in frozen] == [None] + ["frozen"] * 99
-    assert camera.taken < 5 + 100 + 5, "what is proven is not proven again at each look"
+    frozen = camera.looks(tmp_path, LOOKS, 30)
+    assert [item.trouble for item in frozen] == [None] + ["frozen"] * (LOOKS - 1)
+    assert camera.taken < 5 + LOOKS + 5, "what is proven is not proven again at each look"
     camera.stuck = None
-    assert {item.trouble for item in camera.looks(tmp_path, 100, 30)} == {None}
+    assert {item.trouble for item in camera.looks(tmp_path, LOOKS, 30)} == {None}
 
 
 def test_of_a_source_without_noise_it_is_not_known_whether_it_is_frozen(tmp_path: Path) -> None:
     camera = Still(None)
-    looks = camera.looks(tmp_path, 200, 30)
-    assert {item.trouble for item in looks} == {None} and camera.taken == 200
+    looks = camera.looks(tmp_path, LOOKS, 30)
+    assert {item.trouble for item in looks} == {None} and camera.taken == LOOKS
     frames = [item.record.current for item in looks if item.record is not None]
     assert {frame.frozen for frame in frames[1:] if frame is not None} == {None}
