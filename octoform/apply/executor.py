@@ -17,7 +17,7 @@ from octoform.apply.stage.artifact_writer import remember
 from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
-from octoform.apply.stage.serve_feedback import RETURNS, Return, sent_back
+from octoform.apply.stage.serve_feedback import RETURNS, Return, rerun, sent_back
 from octoform.base import digest
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
@@ -192,8 +192,15 @@ def _run(context: Context, node: Node, action: PlannedAction, again: _Again | No
         return run_step(context, node.name)
     if again is not None:
         return run_stage(context, node.name, again.failed)
-    lent = reuse.take(context, node.name, key_of(_parts(context, node))) if _may_borrow(action) else None
-    return lent or run_stage(context, node.name)
+    if not _may_borrow(action):
+        return run_stage(context, node.name)
+    parts = _parts(context, node)
+    return reuse.take(context, node.name, key_of(parts)) or run_stage(context, node.name, _former(context, node, parts))
+
+
+def _former(context: Context, node: Node, parts: Mapping[str, str]) -> Failed | None:
+    """The accepted output that an agent begins with; an agent without a model writes its own again at no cost."""
+    return None if context.manifest.harness_for(node.name).name in MODEL_FREE else rerun(context, node.name, parts)
 
 
 def _may_borrow(action: PlannedAction) -> bool:

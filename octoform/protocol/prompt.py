@@ -74,7 +74,8 @@ class Prompt:
     that the owner has not chosen. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them
     makes it a retry; ``summary`` is in the place of a log's end. ``former`` is a copy of the output that is to be
     corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what is not; ``standing`` is what a
-    later stage found when it tried an accepted one.
+    later stage found when it tried an accepted one. ``changed`` is what has changed in the input since ``former`` was
+    accepted, a line for each.
     """
 
     spec: Spec
@@ -95,6 +96,7 @@ class Prompt:
     of_former: tuple[Diagnostic, ...] = ()
     right: str = ""
     standing: tuple[Diagnostic, ...] = ()
+    changed: tuple[str, ...] = ()
 
     @property
     def is_retry(self) -> bool:
@@ -155,6 +157,7 @@ def _render(prompt: Prompt, log: str) -> str:
         standing=fenced("findings", findings(prompt.standing)) if prompt.standing else "",
         log=fenced("log", log) if log.strip() else "",
         condensed=bool(prompt.summary),
+        changed=fenced("changed", "\n".join(prompt.changed)) if prompt.changed else "",
         former=_seen_from(prompt.workdir, prompt.former),
     )
 

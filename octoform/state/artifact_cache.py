@@ -95,6 +95,12 @@ def kept(layout: Layout, node: str, wanted: str | None = None) -> dict[str, byte
     return None
 
 
+def generations(layout: Layout, node: str) -> list[dict[str, bytes]]:
+    """The files of each generation of a node that is kept whole, the newest first."""
+    digests = [digest.of_value(one) for one in reversed(_read(layout).get(node, []))]
+    return [found for one in digests if (found := kept(layout, node, one)) is not None]
+
+
 def has(layout: Layout, node: str, wanted: str) -> bool:
     """True when a generation of that digest is listed; whether its copies are whole shows only when they are read."""
     return any(digest.of_value(digests) == wanted for digests in _read(layout).get(node, []))

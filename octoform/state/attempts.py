@@ -37,6 +37,7 @@ class AttemptRecord(Persisted):
     output against the contract before it ended. ``diagnostics`` are as
     `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder. ``digests`` are those of
     what the attempt was given and left, by the file's name: prompt, input, log, transcript, spec, output.
+    ``changed`` is what had changed in the input of the accepted output that the attempt began with, if with any.
     """
 
     format: Literal[1] = 1
@@ -60,6 +61,7 @@ class AttemptRecord(Persisted):
     diagnostics: list[dict[str, Any]] = Field(default_factory=list)
     files: list[str] = Field(default_factory=list)
     digests: dict[str, str] = Field(default_factory=dict)
+    changed: list[str] = Field(default_factory=list)
     spec_edit: SpecEdit | None = None
     survivors_killed: int = 0
     unconfined: str = ""

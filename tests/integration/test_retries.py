@@ -53,6 +53,29 @@ def test_an_attempt_that_left_nothing_leaves_nothing_to_correct(project: Project
     assert "start afresh" in prompt(second)
 
 
+def test_a_changed_input_gives_the_accepted_output_as_a_draft_with_what_has_changed(project: Project) -> None:
+    other = {"mutate": [[["devices", 0, "capabilities", 0, "description"], "The temperature of the board."]]}
+    project.apply("-target", "interface", status=0)
+    former = project.state / "interface" / "output.json"
+    accepted = former.read_bytes()
+    project.script = {"identify": [other], "interface": [{"exit": 7}, "good"]}
+    project.apply("-replace", "identify", "-target", "identify", "-target", "interface", status=0)
+    first, left_nothing, last = project.attempts("interface")
+    requested = project.attempts("identify")[-1]
+    for folder in (first, requested):
+        assert not (folder / "former-output.json").exists() and "former" not in prompt(folder).split("# Spec")[0]
+        assert json.loads((folder / "attempt.json").read_text())["changed"] == []
+    changes = ["the output of IDENTIFY is another one", "devices: hwmon-benchtemp differs in capabilities"]
+    for folder in (left_nothing, last):
+        assert (folder / "former-output.json").read_bytes() == accepted
+        assert "```text data=changed\n" + "\n".join(changes) + "\n```" in prompt(folder)
+        record = json.loads((folder / "attempt.json").read_text())
+        assert record["changed"] == changes
+        assert record["digests"]["former-output.json"] == f"sha256:{hashlib.sha256(accepted).hexdigest()}"
+    assert "a draft, and no source" in prompt(left_nothing) and "# Spec" in prompt(left_nothing)
+    assert "failed and left no output" in prompt(last) and "start afresh" not in prompt(last)
+
+
 POINTER = "/devices/0/capabilities/0/effect"
 UNFINISHED: dict[str, dict[str, Any]] = {
     "crashed": {"exit": 7},

@@ -130,6 +130,7 @@ class Failed:
     ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage
     found at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` states what is not.
     ``standing`` is what the later stage found: it stands until that has tried another one, however many are refused.
+    ``changed`` is what has changed in the input since ``former`` was accepted: no attempt failed, and it is a draft.
     """
 
     diagnostics: tuple[Diagnostic, ...]
@@ -139,6 +140,12 @@ class Failed:
     found: tuple[Diagnostic, ...] = ()
     right: str = ""
     standing: tuple[Diagnostic, ...] = ()
+    changed: tuple[str, ...] = ()
+
+    @property
+    def retries(self) -> bool:
+        """Whether there is anything that went wrong."""
+        return bool(self.diagnostics or self.log or self.standing)
 
     @property
     def more(self) -> tuple[Diagnostic, ...]:
@@ -151,7 +158,7 @@ class Prepared:
     """An attempt about to begin: the task, the spec's text that it was given, whether it may correct it.
 
     ``given`` has the digests of what the agent is given, by name. ``usage`` is what its preparation has cost (a summary
-    of the failed attempt's log).
+    of the failed attempt's log), ``changed`` as in `Failed`.
     """
 
     task: Task
@@ -159,6 +166,7 @@ class Prepared:
     editable: bool
     given: Mapping[str, str] = field(default_factory=dict)
     usage: Usage = field(default_factory=Usage)
+    changed: tuple[str, ...] = ()
 
 
 @dataclass(slots=True)
@@ -182,7 +190,7 @@ def prepare(
     """Make the folder of attempt ``number`` and everything in it."""
     task = new_task(context, assignment, number, limits)
     spec = failed.spec if failed else context.specs[task.stage].text
-    editable = failed is not None and assignment.budget.edit_specs
+    editable = failed is not None and failed.retries and assignment.budget.edit_specs
     spec_copy.give(task.workdir, spec, editable=editable)
     if assignment.given is not None:
         replace(task.workdir / "input.json", assignment.given, 0o644, synced=False)
@@ -197,7 +205,8 @@ def prepare(
     excerpt = _excerpt(context, task, failed)
     prompt = _prompt(context, assignment, task, failed, excerpt)
     replace(task.prompt, prompt.encode(), 0o644, synced=False)
-    return Prepared(task, spec, editable, _given(context, assignment, task), excerpt.usage)
+    changed = failed.changed if failed is not None else ()
+    return Prepared(task, spec, editable, _given(context, assignment, task), excerpt.usage, changed)
 
 
 def _given(context: Context, assignment: Assignment, task: Task) -> dict[str, str]:
@@ -339,6 +348,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             of_former=failed.more if failed else (),
             right=failed.right if failed else "",
             standing=failed.standing if failed else (),
+            changed=failed.changed if failed else (),
         )
     )
 

@@ -68,6 +68,7 @@ def record(
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=[redacted(name, secrets) for name in written_files(task.workdir)],
         digests=_digests(task, prepared.given),
+        changed=list(prepared.changed),
         spec_edit=spec_edit(edit),
         survivors_killed=outcome.survivors_killed,
         unconfined=outcome.unconfined,

@@ -9,18 +9,22 @@ a run. Only what was made in this very
 run is sent back: a run never remakes what its plan did not list, and both stages stay within the budgets of one run.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
-from octoform.apply.context import Context
-from octoform.apply.stage.acceptance import Verdict, read_output
+from octoform.apply.context import Context, accepted
+from octoform.apply.stage.acceptance import Verdict, digest_of, read_output
 from octoform.apply.stage.assignment import Assignment
 from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
+from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
+from octoform.state.accepted import file_digest
+from octoform.state.artifact_cache import generations
 from octoform.state.files import read_regular
+from octoform.state.layout import STAGES
 
 MAKER, JUDGE = "serve", "deploy"
 SHOWN = frozenset(
@@ -83,7 +87,7 @@ def remembered(
         of_output = [item for item in verdict.diagnostics if has_errors([item]) and item.code not in NOT_OF_OUTPUT]
         found = [*of_output, *(item for item in found if item not in of_output)]
     right = UNREADABLE if value is None else _right(value, found) if found else CLEAN
-    return replace(failed, former=masked(task, data)[0], found=tuple(found), right=right)
+    return replace(failed, former=masked(task, data)[0], found=tuple(found), right=right, changed=())
 
 
 def _right(value: Any, found: Iterable[Diagnostic]) -> str:
@@ -98,6 +102,68 @@ def _right(value: Any, found: Iterable[Diagnostic]) -> str:
         if isinstance(members, list) and len(members) > wrong:
             said.append(f"{len(members) - wrong} of {len(members)} {name}")
     return f"No finding is about {', '.join(said)}." if said else ""
+
+
+MOST_CHANGES = 40
+_KEYS = {"devices": "id", "left_out": "id", "tools": "name"}
+
+
+def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | None:
+    """What a stage begins with whose accepted output has a changed input: that output, and what has changed.
+
+    None where there is no such output as it was accepted. PROBE is none of them: it describes the host as it is now.
+    """
+    known = context.store.snapshot.nodes.get(stage)
+    if stage == STAGES[0] or known is None or not known.file_digest or dict(known.key_parts) == dict(parts):
+        return None
+    former = read_regular(context.layout.output(stage))[0]
+    if former is None or file_digest(context.layout, stage) != known.file_digest:
+        return None
+    names = sorted({*known.key_parts, *parts})
+    moved = [(name, known.key_parts.get(name), parts.get(name)) for name in names]
+    told = [line for name, before, after in moved if before != after for line in _moved(context, name, before, after)]
+    more = [f"and {len(told) - MOST_CHANGES} more"] if len(told) > MOST_CHANGES else []
+    return Failed((), None, context.specs[stage].text, former, changed=(*told[:MOST_CHANGES], *more))
+
+
+def _moved(context: Context, part: str, before: str | None, after: str | None) -> Iterator[str]:
+    """What has changed in one part of a stage's input, a line for each member of an artifact."""
+    kind, _, name = part.partition(".")
+    if kind != "input":
+        how = "is new" if before is None else "is no longer there" if after is None else "is another one"
+        yield f"{kind} {name} {how}" if name else f"the {kind} {how}"
+        return
+    yield f"the output of {name.upper()} is another one"
+    former, now = _accepted_as(context, name, before), accepted(context, name)
+    if isinstance(former, dict) and isinstance(now, dict):
+        for members, key in _KEYS.items():
+            yield from _differences(members, *(_by(key, value.get(members, ())) for value in (former, now)))
+
+
+def _accepted_as(context: Context, stage: str, wanted: str | None) -> Any:
+    """The output of a stage with that digest, from the copies of what was accepted; None where none is left."""
+    for files in generations(context.layout, stage):
+        value = parse(stage, next(iter(files.values())), stage)[0] if len(files) == 1 else None
+        if value is not None and digest_of(context, stage, value) == wanted:
+            return value
+    return None
+
+
+def _by(key: str, members: Iterable[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    return {str(each[key]): each for each in members}
+
+
+def _differences(members: str, former: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    for name in sorted({*former, *now}):
+        if name not in now:
+            yield f"{members}: {name} is gone"
+        elif name not in former:
+            yield f"{members}: {name} is new"
+        elif former[name] != now[name]:
+            fields = sorted(
+                each for each in {*former[name], *now[name]} if former[name].get(each) != now[name].get(each)
+            )
+            yield f"{members}: {name} differs in {', '.join(fields)}"
 
 
 def is_earlier_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
