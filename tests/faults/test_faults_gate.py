@@ -23,34 +23,40 @@ PASSTHROUGH = {
     "effect": "actuate",
 }
 
-REFUSALS = [
-    pytest.param("probe", {"write": '{"format": 1,'}, "ARTIFACT-NOT-JSON", id="F01 invalid JSON"),
-    pytest.param("identify", {"mutate": [[["devices", 0, "category"], "gadget"]]}, "IDENTIFY-SCHEMA", id="F02 schema"),
-    pytest.param(
-        "identify", {"mutate": [[["devices", 2], INVENTED]]}, "IDENTIFY-INVENTED-DEVICE", id="F03 invented arm"
-    ),
-    pytest.param(
-        "identify",
-        {"mutate": [[["devices", 0, "capabilities", 1], PASSTHROUGH]]},
-        "IDENTIFY-PASSTHROUGH",
-        id="F04 passthrough",
-    ),
-    pytest.param("interface", {"mutate": [[["tools"], []]]}, "INTERFACE-CAPABILITY-WITHOUT-TOOL", id="missing tool"),
-    pytest.param("probe", {"write": " \n\t\n"}, "ARTIFACT-EMPTY", id="F07a white space"),
-    pytest.param("probe", {"write": '{"half"', "exit": 3}, "APPLY-AGENT-FAILED", id="F08 exit 3"),
-    pytest.param("probe", {"exit": 0}, "ARTIFACT-MISSING", id="no output"),
-    pytest.param("probe", {"link": "/etc/hostname"}, "ARTIFACT-LINK", id="F40 link"),
-]
+REFUSALS = {
+    "probe": {
+        "F01 invalid JSON": ({"write": '{"format": 1,'}, "ARTIFACT-NOT-JSON"),
+        "F07a white space": ({"write": " \n\t\n"}, "ARTIFACT-EMPTY"),
+        "F08 exit 3": ({"write": '{"half"', "exit": 3}, "APPLY-AGENT-FAILED"),
+        "no output": ({"exit": 0}, "ARTIFACT-MISSING"),
+        "F40 link": ({"link": "/etc/hostname"}, "ARTIFACT-LINK"),
+    },
+    "identify": {
+        "F02 schema": ({"mutate": [[["devices", 0, "category"], "gadget"]]}, "IDENTIFY-SCHEMA"),
+        "F03 invented arm": ({"mutate": [[["devices", 2], INVENTED]]}, "IDENTIFY-INVENTED-DEVICE"),
+        "F04 passthrough": (
+            {"mutate": [[["devices", 0, "capabilities", 1], PASSTHROUGH]]},
+            "IDENTIFY-PASSTHROUGH",
+        ),
+    },
+    "interface": {"missing tool": ({"mutate": [[["tools"], []]]}, "INTERFACE-CAPABILITY-WITHOUT-TOOL")},
+}
+"""By stage; each is one attempt."""
 
 
-@pytest.mark.parametrize(("stage", "behaviour", "code"), REFUSALS)
-def test_is_refused_by_name_and_the_run_stops(
-    project: Project, stage: str, behaviour: dict[str, object], code: str
-) -> None:
-    project.script = {stage: [behaviour]}
-    project.manifest = {"budget": "{attempts: 1}"}
+@pytest.mark.parametrize("stage", REFUSALS)
+def test_is_refused_by_name_and_the_run_stops(project: Project, stage: str) -> None:
+    refusals = REFUSALS[stage]
+    project.script = {stage: [behaviour for behaviour, _ in refusals.values()]}
+    project.manifest = {"budget": f"{{attempts: {len(refusals)}}}"}
     done = project.apply("-target", "interface", status=1)
-    assert code in done.codes()
+    told = [
+        {item["code"] for item in event["diagnostics"]}
+        for event in done.events()
+        if event["type"] == "attempt_errored" and event["node"] == stage
+    ]
+    found = dict(zip(refusals, told, strict=True))
+    assert {name: codes for name, codes in found.items() if refusals[name][1] not in codes} == {}
     assert not (project.state / stage).exists()
     assert [run["stage"] for run in project.agent_runs()][-1] == stage
     assert project.nodes()[stage]["status"] == "failed"

@@ -97,10 +97,9 @@ def test_the_manifest_of_the_readme_runs_as_written_and_says_what_it_cost(
     assert '"celsius": 21.5' in project.run("call", "read_temperature", status=0).out
 
 
-def test_a_person_who_is_logged_in_needs_no_key(program: Path, tmp_path: Path, environments: Path) -> None:
+def test_a_person_who_is_logged_in_needs_no_key(program: Path, tmp_path: Path) -> None:
     """`login: true`: the agent gets the token of the login and nothing that renews it, and no file keeps it."""
     project = Project(tmp_path / "project", tmp_path / "outside", host="local")
-    project.share_environments(environments)
     home = tmp_path / "person"
     (home / ".claude").mkdir(parents=True)
     project.environ = {
@@ -123,7 +122,7 @@ def test_a_person_who_is_logged_in_needs_no_key(program: Path, tmp_path: Path, e
     assert "HARNESS-LOGIN" not in project.run("validate", status=0).text
     checks = project.run("doctor").out
     assert "yours with claude-code" in checks and TOKEN not in checks
-    done = project.run("apply", "-auto-approve", status=0)
+    done = project.run("apply", "-auto-approve", "-target", "interface", status=0)
     assert "Apply complete" in done.out
     told = [path.read_text() for path in (project.folder / ".octoform").rglob("login.txt")]
     assert told and set(told) == {"token given, nothing that renews it"}

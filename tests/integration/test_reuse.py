@@ -355,7 +355,7 @@ def test_another_spec_harness_or_model_is_another_key(lender: Project) -> None:
 
 def test_a_live_endpoint_from_another_hosts_stages(lender: Project, environments: Path) -> None:
     lender.share_environments(environments)
-    lender.apply(status=0)
+    lender.apply("-target", "deploy", status=0)
     before = len(lender.agent_runs())
     other = beside(lender, "bench-2")
     other.share_environments(environments)

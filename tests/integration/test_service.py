@@ -125,14 +125,25 @@ def systemd(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Systemd
         os.kill(int((found.folder / "watch.pid").read_text()), signal.SIGTERM)
 
 
-@pytest.fixture
-def bench(systemd: Systemd, tmp_path: Path) -> Iterator[Launched]:
+@pytest.fixture(scope="module")
+def launched_bench(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Launched]:
     """A project, in a folder with everything in its name that a unit has to mind, whose endpoint runs by itself."""
-    folder = tmp_path / "the owner's 100% bench $HOME"
+    folder = tmp_path_factory.mktemp("service") / "the owner's 100% bench $HOME"
     folder.mkdir()
     (folder / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
     with launched(folder, SOURCE, [tool("one")]) as endpoint:
         yield endpoint
+
+
+@pytest.fixture
+def bench(systemd: Systemd, launched_bench: Launched) -> Iterator[Launched]:
+    """That project as it was: when a test has handed the endpoint to systemd, it runs by itself again."""
+    before = launched_bench.process
+    yield launched_bench
+    if running(launched_bench.layout) != before:
+        launched_bench.stop()
+        shutil.rmtree(systemd.units, ignore_errors=True)
+        launched_bench.start()
 
 
 def octoform(systemd: Systemd, endpoint: Launched, *arguments: str) -> "subprocess.CompletedProcess[str]":
@@ -181,31 +192,26 @@ def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd
 
 
 def test_while_it_is_installed_systemd_starts_and_stops_the_endpoint(systemd: Systemd, bench: Launched) -> None:
+    """The unit is skipped at a boot while the mark of a stop is there, so a start takes the mark away before it asks.
+
+    A start that systemd reports as failed is told with its reason.
+    """
     assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
     told = len(systemd.told())
     assert stop(bench.layout).process is not None
     assert running(bench.layout) is None
     assert systemd.told()[told:] == [["stop", NAME]]
-    process, problem = start(bench.layout)
-    assert problem is None and process is not None
-    assert systemd.told()[told:] == [["stop", NAME], ["start", NAME]]
-    assert process.pid == int((systemd.folder / "pid").read_text())
 
-
-def test_a_stop_lasts_over_a_boot_and_ends_with_a_start(systemd: Systemd, bench: Launched) -> None:
-    """The unit is skipped while the mark of the stop is there, so a start takes the mark away before it asks."""
-    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
     mark = str(bench.layout.stop_mark).replace("%", "%%")
     condition = f"ConditionPathExists=!{mark}"
     assert condition in (systemd.units / NAME).read_text().splitlines()
     assert record.mark(bench.layout) is None
-    bench.stop()
-    assert start(bench.layout)[0] is not None
+    process, problem = start(bench.layout)
+    assert problem is None and process is not None
+    assert systemd.told()[told:] == [["stop", NAME], ["start", NAME]]
+    assert process.pid == int((systemd.folder / "pid").read_text())
     assert not record.is_marked(bench.layout)
 
-
-def test_a_start_that_systemd_reports_as_failed_is_told_with_its_reason(systemd: Systemd, bench: Launched) -> None:
-    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
     bench.stop()
     server = bench.layout.output("serve")
     good = server.read_bytes()
@@ -291,7 +297,7 @@ def test_a_unit_of_something_else_is_left_alone(systemd: Systemd, bench: Launche
     assert (systemd.units / NAME).read_text() == "[Service]\nExecStart=/bin/true\n"
     bench.stop()
     bench.start()
-    assert systemd.told() == []
+    assert systemd.told() == [] and running(bench.layout) is not None
 
 
 def test_a_unit_that_watches_something_else_is_left_alone(systemd: Systemd, bench: Launched) -> None:

@@ -1,21 +1,39 @@
 """Self-editing specs: a retry corrects its own copy, the run goes on with it, and a person decides what stays."""
 
 import json
+import shutil
+from pathlib import Path
 from typing import Any
 
 import pytest
 from projects import SHIPPED, Project
 
+pytestmark = pytest.mark.dear
 LINE = "Every quote is in quotation marks."
 
 
-@pytest.fixture
-def corrected(project: Project) -> Project:
-    """IDENTIFY is refused twice; the second attempt corrects the spec, and the third needs that correction."""
+@pytest.fixture(scope="module")
+def accepted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Path]:
+    """IDENTIFY is refused twice; the second attempt corrects the spec, and the third needs that correction.
+
+    Also a copy of all that belongs to the project, as it is then.
+    """
+    folder = tmp_path_factory.mktemp("corrected")
+    project = Project(folder / "place" / "project", folder / "place" / "outside")
     project.script = {
         "identify": [{"write": "no json"}, {"write": "no json", "edit_spec": LINE}, {"needs_in_spec": LINE}]
     }
     project.apply("-target", "identify", status=0)
+    shutil.copytree(folder / "place", folder / "copy", symlinks=True)
+    return project, folder / "copy"
+
+
+@pytest.fixture
+def corrected(accepted: tuple[Project, Path]) -> Project:
+    """That project at its own place, whatever the test before has done there."""
+    project, copy = accepted
+    shutil.rmtree(project.folder.parent)
+    shutil.copytree(copy, project.folder.parent, symlinks=True)
     return project
 
 

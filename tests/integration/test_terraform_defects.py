@@ -9,11 +9,11 @@ import json
 import os
 import signal
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
 import pytest
+import warm
 from bench_host import bench_host
 from projects import Done, Project
 
@@ -62,10 +62,8 @@ def test_1_a_unit_whose_agent_was_running_at_kill_9_is_not_done_and_runs_again(p
 
 
 def fill(project: Project, point: str, number: int) -> "subprocess.CompletedProcess[str]":
-    command = [sys.executable, str(FILLING), str(project.folder), "identify", point, str(number)]
-    return subprocess.run(
-        command, cwd=project.folder, env=project.environment(), capture_output=True, text=True, timeout=60, check=False
-    )
+    words = (str(project.folder), "identify", point, str(number))
+    return warm.completed(FILLING, words, project.folder, project.environment())
 
 
 @pytest.mark.parametrize(
