@@ -1,6 +1,7 @@
 """Situations of a deployment and all that tell how it is: the same word everywhere, and the same exit code for it.
 
-A user without rights is this one without the two capabilities that let root pass by the mode of a file.
+A user without rights is this one without the two capabilities that let root pass by the mode of a file; so are the
+endpoint and the daemon in every situation, and the commands where rights are what they tell of.
 """
 
 import json
@@ -92,11 +93,21 @@ def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Itera
     project.share_environments(environments)
     project.apply(status=0)
     project.run("stop", status=0)
-    project.prefix = BARE
-    project.run("start", status=0)
+    with bare(project):
+        project.run("start", status=0)
     yield Bench(project, host, metrics)
     project.run("stop", status=0)
     host.clear()
+
+
+@contextmanager
+def bare(project: Project) -> Iterator[None]:
+    """What is run in the block has no such rights, nor has what it starts."""
+    project.prefix = BARE
+    try:
+        yield
+    finally:
+        project.prefix = []
 
 
 def plug_in(host: Host) -> None:
@@ -123,7 +134,8 @@ def device_gone(bench: Bench) -> Iterator[None]:
 def no_rights(bench: Bench) -> Iterator[None]:
     os.chown(bench.camera, 65534, 44)
     bench.camera.chmod(0o660)
-    yield
+    with bare(bench.project):
+        yield
     os.chown(bench.camera, 0, 0)
 
 
@@ -138,7 +150,8 @@ def emergency_stop(bench: Bench) -> Iterator[None]:
 def stopped(bench: Bench) -> Iterator[None]:
     bench.project.run("stop", status=0)
     yield
-    bench.project.run("start", status=0)
+    with bare(bench.project):
+        bench.project.run("start", status=0)
 
 
 BAD: dict[str, tuple[Callable[[Bench], object], str]] = {
@@ -173,7 +186,8 @@ def test_without_a_daemon_the_door_calls_nothing_healthy_that_nobody_looked_at(b
 
 def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
     """What it wrote last is nobody's word any more: who asks looks, and who cannot look does not call it healthy."""
-    daemon = bench.project.start("watch", start_new_session=True)
+    with bare(bench.project):
+        daemon = bench.project.start("watch", start_new_session=True)
     try:
         assert becomes(bench.http, "healthy") == "healthy"
     finally:
@@ -192,7 +206,8 @@ def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
 
 @pytest.fixture(scope="module")
 def watched(bench: Bench) -> Iterator[Bench]:
-    daemon = bench.project.start("watch")
+    with bare(bench.project):
+        daemon = bench.project.start("watch")
     try:
         yield bench
     finally:
@@ -213,8 +228,9 @@ def test_with_a_daemon_all_say_the_same(watched: Bench, situation: str) -> None:
 def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench) -> None:
     """Each names the node, its mode and group, and the command that helps; the device does not count as usable."""
     project = bench.project
-    before = json.loads(project.run("coverage", "-json", status=0).out)["coverage"]["onboardable"]
-    assert project.run("doctor", status=0).status == 0
+    with bare(project):
+        before = json.loads(project.run("coverage", "-json", status=0).out)["coverage"]["onboardable"]
+        assert project.run("doctor", status=0).status == 0
     with no_rights(bench):
         applied = project.run("apply", "-auto-approve")
         assert applied.status == CODES["degraded"]
@@ -227,13 +243,14 @@ def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench
                 assert piece in words, (piece, words)
         after = json.loads(project.run("coverage", "-json", status=0).out)["coverage"]["onboardable"]
         assert (after["usable"], after["of"]) == (before["usable"] - 1, before["of"])
-    assert project.run("doctor").status == 0
+    with bare(project):
+        assert project.run("doctor").status == 0
     assert BOARD in project.run("coverage", status=0).out
 
 
 @pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
-def test_a_first_apply_by_another_user_ends_as_incomplete_where_a_node_is_closed_to_it() -> None:
-    """From nothing on everything is that user's: no root has applied before, and none has built anything for it."""
+def test_a_first_apply_by_another_user_ends_as_incomplete_where_a_node_is_closed_to_it(compiled: Path) -> None:
+    """From nothing on everything is that user's: no root has applied before; the packages are a copy of their own."""
     with ordinary_user() as user:
         host = Host(user.place / "root")
         plug_in(host)
@@ -251,6 +268,7 @@ def test_a_first_apply_by_another_user_ends_as_incomplete_where_a_node_is_closed
         project.environ |= {"OCTOFORM_SYSROOT": str(host.tree.root), "HOME": str(user.place / "home")}
         (user.place / "home").mkdir()
         project.write()
+        project.take_environments(compiled, linked=False)
         user.owns_all()
         for name in ("ttyUSB0", "ttyUSB1"):
             os.chown((host.tree.root / "dev" / name).resolve(), 65534, -1)
