@@ -27,10 +27,9 @@ LOADED_SECONDS = 30.0
 
 
 @pytest.fixture(scope="module")
-def subject(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Subject]:
+def subject(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Subject]:
     folder = tmp_path_factory.mktemp("spoilt")
     project = Project(folder / "project", folder / "outside")
-    project.take_environments(compiled)
     project.apply(status=0)
     made = Subject(project, LOADED_SECONDS, 2 * LOADED_SECONDS)
     yield made

@@ -486,9 +486,8 @@ def test_a_folder_that_became_a_link_costs_nobody_a_file(attacked: Attacked, tmp
     assert not (project.folder / "protocol").is_symlink()
 
 
-def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked, compiled: Path) -> None:
+def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked) -> None:
     project = attacked.project
-    project.take_environments(compiled)
     project.apply("-target", "interface", status=0)
     plant = project.folder / "protocol" / "serve.md"
     source = (AGENT.parent / "good" / "server.py").read_text()
@@ -577,10 +576,9 @@ LINKED = {
 
 
 @pytest.mark.parametrize("place", LINKED)
-def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str, compiled: Path) -> None:
+def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str) -> None:
     stage, act, kept = LINKED[place]
     project, theirs = attacked.project, attacked.home / "theirs"
-    project.take_environments(compiled)
     theirs.mkdir()
     project.script = {stage: [{"shell": attacked.words(act)}, "good"]}
     project.apply("-target", stage, status=0)

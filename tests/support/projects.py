@@ -178,10 +178,12 @@ class Project:
         """Begin with copies of environments as if they had been built here, in a folder of the project's own.
 
         For tests that copy, spoil or destroy theirs and prove something else than the building; what is not ``linked``
-        may be given to another owner.
+        may be given to another owner. From then on the environments are this project's own.
         """
         self.local.mkdir(parents=True, exist_ok=True)
         own = self.local / "environments"
+        if own.is_symlink():
+            own.unlink()
         subprocess.run(["cp", "-al" if linked else "-a", str(folder), str(own)], check=True)
 
     def take_bytecode(self, folder: Path) -> None:

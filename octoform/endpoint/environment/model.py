@@ -61,7 +61,8 @@ def intact(environment: Environment) -> list[str]:
     marker = _marker(environment.path)
     if marker is None or marker.get("digest") != environment.digest:
         return ["the serving environment is missing or was never completed"]
-    if not os.access(environment.python, os.X_OK):
+    # With the rights that start it: those of the user alone may be fewer.
+    if not os.access(environment.python, os.X_OK, effective_ids=os.access in os.supports_effective_ids):
         return ["the interpreter of the serving environment is missing"]
     names = contents(environment.path)
     built = _by_name(marker["distributions"])
