@@ -23,7 +23,7 @@ PASSTHROUGH = {
     "effect": "actuate",
 }
 
-REFUSALS = {
+REFUSALS: dict[str, dict[str, tuple[dict[str, object], str]]] = {
     "probe": {
         "F01 invalid JSON": ({"write": '{"format": 1,'}, "ARTIFACT-NOT-JSON"),
         "F07a white space": ({"write": " \n\t\n"}, "ARTIFACT-EMPTY"),

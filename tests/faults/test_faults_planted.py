@@ -290,23 +290,23 @@ NESTS = (
 )
 
 
-@pytest.mark.parametrize("place", NESTS)
-def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attempt(
-    attacked: Attacked, place: str
-) -> None:
+def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attempt(attacked: Attacked) -> None:
     """Deeper than Python's stack and longer than a path may be; and what was planted beside goes all the same."""
     project = attacked.project
-    nest = f'"{sys.executable}" -c "{NEST.format(attacked.words(place))}"'
     plant = f"mkdir -p {project.folder}/profiles; echo planted > {project.folder}/profiles/x.md"
+    nests = [f'{sys.executable} -c "{NEST.format(attacked.words(place))}"; {plant}' for place in NESTS]
+    project.script = {"probe": [*({"shell": nest} for nest in nests), "good"]}
+    project.manifest = {"budget": f"{{attempts: {len(NESTS) + 1}}}"}
     try:
-        project.script = {"probe": [{"shell": f"{nest}; {plant}"}, "good"]}
         project.write()
         done = project.run("apply", "-auto-approve", "-target", "probe", status=0)
         assert "SYSTEM-REFUSED" not in done.text
-        assert "profiles/x.md" in refused_paths(attacked, 0)
+        for attempt, place in enumerate(NESTS):
+            refused = refused_paths(attacked, attempt)
+            assert "profiles/x.md" in refused, place
+            if place.startswith("{project}/.") or "protocol" in place:
+                assert os.path.normpath(place.removeprefix("{project}/")) in " ".join(refused), place
         assert not (project.folder / "profiles").exists() and not (project.folder / "protocol").exists()
-        if place.startswith("{project}/.") or "protocol" in place:
-            assert os.path.normpath(place.removeprefix("{project}/")) in " ".join(refused_paths(attacked, 0))
     finally:
         remove_tree(project.folder)  # whoever clears up after the tests has a stack that ends
 
@@ -343,12 +343,9 @@ def test_what_cannot_be_undone_ends_the_stage_and_all_else_is_undone(attacked: A
     assert not (project.folder / "state" / "other").exists()
 
 
-@pytest.mark.parametrize("path", [".:", ":", "tools:"])
-def test_a_program_that_an_agent_leaves_in_a_relative_folder_of_path_is_never_called(
-    attacked: Attacked, path: str
-) -> None:
+def test_a_program_that_an_agent_leaves_in_a_relative_folder_of_path_is_never_called(attacked: Attacked) -> None:
     project = attacked.project
-    project.environ["PATH"] = path + project.environ["PATH"]
+    project.environ["PATH"] = ".::tools:" + project.environ["PATH"]
     program = f"#!/bin/sh\\ntouch {attacked.mark}\\n"
     act = f'mkdir -p {{0}}/tools; for place in . tools; do printf "{program}" > {{0}}/$place/git; '
     act += "chmod +x {0}/$place/git; done"

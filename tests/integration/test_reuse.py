@@ -29,22 +29,32 @@ def git(folder: Path, *arguments: str) -> None:
 
 
 @pytest.fixture(scope="module")
-def accepted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Path]:
-    """A host whose stages are accepted up to INTERFACE, and a copy of its folder as it was then."""
+def accepted(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, Path, Path]:
+    """A host whose stages are accepted up to INTERFACE, and copies of its folder: without and with another host."""
     folder = tmp_path_factory.mktemp("lender")
     made = repository(folder)
     made.apply("-target", "interface", status=0)
     shutil.copytree(made.folder, folder / "copy", symlinks=True)
-    return made, folder / "copy"
+    beside(made, "bench-2").apply("-target", "probe", status=0)
+    shutil.copytree(made.folder, folder / "probed", symlinks=True)
+    return made, folder / "copy", folder / "probed"
 
 
 @pytest.fixture
-def lender(accepted: tuple[Project, Path]) -> Project:
+def lender(accepted: tuple[Project, Path, Path]) -> Project:
     """That host as it was, at its own place, whatever the test before has done there."""
-    project, copy = accepted
+    project, copy, _ = accepted
     shutil.rmtree(project.folder)
     shutil.copytree(copy, project.folder, symlinks=True)
     return project
+
+
+@pytest.fixture
+def probed(lender: Project, accepted: tuple[Project, Path, Path]) -> Project:
+    """The host `bench-2` beside it, of which PROBE is accepted."""
+    shutil.rmtree(lender.folder)
+    shutil.copytree(accepted[2], lender.folder, symlinks=True)
+    return beside(lender, "bench-2")
 
 
 def beside(lender: Project, name: str) -> Project:
@@ -229,14 +239,14 @@ def moved(lender: Project) -> Path:
         corrected_spec,
     ],
 )
-def test_what_is_not_equal_or_not_of_this_repository_is_never_offered(lender: Project, spoil: Any) -> None:
-    other = beside(lender, "bench-2")
-    other.apply("-target", "probe", status=0)
+def test_what_is_not_equal_or_not_of_this_repository_is_never_offered(
+    lender: Project, probed: Project, spoil: Any
+) -> None:
     spoil(lender)
-    change = planned(other, "-target", "identify")["identify"]
+    change = planned(probed, "-target", "identify")["identify"]
     assert ("loan" in change, change["calls_agent"]) == (False, True)
     before = len(lender.agent_runs())
-    done = other.apply("-target", "identify", status=0)
+    done = probed.apply("-target", "identify", status=0)
     assert lender.stages_run()[before:] == ["identify"]
     assert "host bench " not in notices(done), "nobody looked at it"
 

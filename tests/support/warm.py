@@ -27,6 +27,9 @@ from pathlib import Path
 import octoform
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.environment.model import at
+from octoform.manifest.profile_paths import shipped
+from octoform.profiles import load as load_profiles
+from octoform.protocol.spec_loader import load as load_specs
 
 LARGEST = 1 << 20
 _ONE = threading.Lock()
@@ -115,6 +118,9 @@ def keep(orders: socket.socket) -> int:
     atexit.register(_leave)  # the first, which is carried out last
     for name in _core():
         importlib.import_module(name)
+    # To parse these takes as long as a short command; what a project changes in its copies is parsed there.
+    load_specs(None)
+    load_profiles(sorted(shipped().glob("*.md")))
     gc.freeze()  # a collection in a fork would copy all that is loaded
     selector = selectors.DefaultSelector()
     selector.register(orders, selectors.EVENT_READ)
