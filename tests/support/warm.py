@@ -25,11 +25,17 @@ from functools import cache
 from pathlib import Path
 
 import octoform
+from octoform.base import processes
 from octoform.endpoint.bounded_program import ForkServer
+from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.endpoint.environment.model import at
+from octoform.endpoint.process import start_stop
+from octoform.endpoint.process.record import MARK
+from octoform.endpoint.published_files import SERVE_SCRIPT
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import load as load_profiles
 from octoform.protocol.spec_loader import load as load_specs
+from octoform.state.layout import Layout
 
 LARGEST = 1 << 20
 _ONE = threading.Lock()
@@ -165,6 +171,24 @@ def _fork_servers(folder: Path) -> list[int]:
     return found
 
 
+class _Loaded(start_stop._Detached):
+    """The process of an endpoint as a fork of the fork server, where a command has been given one."""
+
+    def __init__(self, layout: Layout) -> None:
+        found = recorded_environment(layout)
+        served = layout.endpoint / SERVE_SCRIPT
+        mark = processes.new(16)
+        passed = {name: os.environ[name] for name in start_stop.PASSED if name in os.environ}
+        environ = {**passed, MARK: mark, **start_stop.MALLOC}
+        with (layout.server_log).open("ab") as log, Path(os.devnull).open("rb") as nothing:
+            streams = (nothing.fileno(), log.fileno(), log.fileno())
+            forked = found and ForkServer.at(found.python).fork([str(served)], layout.run, environ, streams, mark)
+        if forked:
+            self.taken, self._process = False, forked  # type: ignore[assignment]  # what is asked of it is the same
+        else:
+            super().__init__(layout)
+
+
 def _core() -> Iterator[str]:
     """The modules that a command may import, which it does late; the others run in processes of their own."""
     elsewhere = re.compile(r"octoform\.(server|runtime|builtin|simulation|endpoint\.scripts)\b|.*\.__main__$")
@@ -214,6 +238,8 @@ def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
     os.chdir(str(order["cwd"]))
     os.environ.clear()
     os.environ.update(environ)
+    if kept:
+        start_stop._Detached = _Loaded  # type: ignore[misc]
     sys.argv = [str(word) for word in argv]
 
 
