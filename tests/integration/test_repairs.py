@@ -39,10 +39,11 @@ OTHERWISE: dict[str, object] = {
 
 
 @pytest.fixture(scope="module")
-def applied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Project]:
+def applied(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Project]:
     """A live project of a host with a sensor, into which a camera can be plugged."""
     folder = tmp_path_factory.mktemp("repairs")
     project = Project(folder / "project", folder / "outside", script={"probe": [{"mutate": [NOT_WANTED]}]})
+    project.take_environments(compiled)
     project.environ["OCTOFORM_SYSROOT"] = str(bench_host(folder / "root"))
     project.apply(status=0)
     yield project
