@@ -9,12 +9,17 @@ import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from octoform.base.escaping import escaped
 from octoform.base.files import stream
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.protocol.model import DUTIES, STEP, Spec
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 # Foreign text in a prompt: bounded, made visible, and inside a fence that its content cannot close.
 
@@ -125,11 +130,13 @@ def render_prompt(prompt: Prompt) -> str:
         log = cut(log, max(0, len(log.encode()) - excess))
 
 
-def _render(prompt: Prompt, log: str) -> str:
+@cache
+def _environment() -> "Environment":
+    """The templates, compiled once per process."""
     # Imported here: a plan names this module and renders nothing, and the library costs a tenth of a second.
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-    environment = Environment(
+    return Environment(
         loader=FileSystemLoader(TEMPLATES),
         undefined=StrictUndefined,
         autoescape=False,
@@ -137,28 +144,35 @@ def _render(prompt: Prompt, log: str) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    return environment.get_template("retry.md.j2" if prompt.is_retry else "first.md.j2").render(
-        stage=prompt.spec.stage.removeprefix(STEP).upper(),
-        kind=_kind(prompt.spec.stage),
-        body=prompt.spec.body.rstrip(),
-        own_spec=_seen_from(prompt.workdir, prompt.own_spec),
-        editable=prompt.editable,
-        schema_path=_seen_from(prompt.workdir, prompt.spec.schema),
-        input=_seen_from(prompt.workdir, prompt.input),
-        output=_seen_from(prompt.workdir, prompt.output),
-        tools=prompt.tools,
-        seconds=round(prompt.wall_seconds),
-        profiles=[fenced("profile", text) for text in prompt.profiles],
-        answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
-        offered=fenced("offered", _answers(prompt.offered)) if prompt.offered else "",
-        findings=fenced("findings", findings(prompt.diagnostics)) if prompt.diagnostics else "",
-        of_former=fenced("findings", findings(prompt.of_former)) if prompt.of_former else "",
-        right=prompt.right,
-        standing=fenced("findings", findings(prompt.standing)) if prompt.standing else "",
-        log=fenced("log", log) if log.strip() else "",
-        condensed=bool(prompt.summary),
-        changed=fenced("changed", "\n".join(prompt.changed)) if prompt.changed else "",
-        former=_seen_from(prompt.workdir, prompt.former),
+
+
+def _render(prompt: Prompt, log: str) -> str:
+    return (
+        _environment()
+        .get_template("retry.md.j2" if prompt.is_retry else "first.md.j2")
+        .render(
+            stage=prompt.spec.stage.removeprefix(STEP).upper(),
+            kind=_kind(prompt.spec.stage),
+            body=prompt.spec.body.rstrip(),
+            own_spec=_seen_from(prompt.workdir, prompt.own_spec),
+            editable=prompt.editable,
+            schema_path=_seen_from(prompt.workdir, prompt.spec.schema),
+            input=_seen_from(prompt.workdir, prompt.input),
+            output=_seen_from(prompt.workdir, prompt.output),
+            tools=prompt.tools,
+            seconds=round(prompt.wall_seconds),
+            profiles=[fenced("profile", text) for text in prompt.profiles],
+            answers=fenced("answers", _answers(prompt.answers)) if prompt.answers else "",
+            offered=fenced("offered", _answers(prompt.offered)) if prompt.offered else "",
+            findings=fenced("findings", findings(prompt.diagnostics)) if prompt.diagnostics else "",
+            of_former=fenced("findings", findings(prompt.of_former)) if prompt.of_former else "",
+            right=prompt.right,
+            standing=fenced("findings", findings(prompt.standing)) if prompt.standing else "",
+            log=fenced("log", log) if log.strip() else "",
+            condensed=bool(prompt.summary),
+            changed=fenced("changed", "\n".join(prompt.changed)) if prompt.changed else "",
+            former=_seen_from(prompt.workdir, prompt.former),
+        )
     )
 
 

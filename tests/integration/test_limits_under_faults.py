@@ -1,4 +1,4 @@
-"""Ten thousand commands at random, faults at random: whatever a client asks and whatever breaks, no limit is passed.
+"""Commands at random, faults at random: whatever a client asks and whatever breaks, no limit is passed.
 
 Judged by what reached the simulated hardware. Its own bounds are taken off first, so that nothing but octoform keeps
 them: the gate and the profiles' limits outside of the server, the calibration and the heat inside.
@@ -6,6 +6,7 @@ them: the gate and the profiles' limits outside of the server, the calibration a
 
 import asyncio
 import json
+import os
 import random
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -17,7 +18,8 @@ from fastmcp.exceptions import ToolError
 from gated import gated
 from virtual_rig import VirtualRig, described, virtual_rig
 
-SEEDS, COMMANDS = range(4), 2500
+SEEDS, COMMANDS = range(int(os.environ.get("SEEDS", "2"))), int(os.environ.get("COMMANDS", "500"))
+"""`make faults` sets more: four courses of 2500 commands."""
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 SERVO_FAULTS = (None, None, "mute", "stuck", "deaf_torque", "corrupt", "half")
 RAIL_FAULTS = (*(None,) * 10, "mute", "mute", "odd", "jammed", "late", "hot")
