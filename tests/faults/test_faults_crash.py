@@ -22,27 +22,34 @@ def crash(project: Project, target: str, limit: int) -> Done:
 
 @dataclass(frozen=True)
 class Whole:
-    """An apply of two stages that nobody killed: its durable points in their order, and what it accepted."""
+    """Applies that nobody killed: where another one is killed, and what they accepted.
 
-    points: list[str]
+    Every durable point of an apply of one stage, and those of a second stage, whose run begins with another's record.
+    """
+
+    points: list[tuple[str, int, str]]
+    """The target, the number of the point in an apply of it, and the point's name."""
     digests: dict[str, str]
-
-    def target(self, limit: int) -> str:
-        """The shortest apply that comes to this point: of one stage, until the second one begins."""
-        second = [number for number, name in enumerate(self.points, 1) if name == "journal.begin.start"][1]
-        return "probe" if limit < second else "identify"
 
 
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     folder = tmp_path_factory.mktemp("whole")
-    project = Project(folder / "project", folder / "outside")
-    project.write()
-    done = crash(project, "identify", 0)
-    assert done.status == 0, done.err
-    points = done.out.split()
-    assert len(points) >= 20
-    assert len(set(points)) >= 8
+    passed = {}
+    for target in NODES:
+        project = Project(folder / target, folder / "outside")
+        project.write()
+        done = crash(project, target, 0)
+        assert done.status == 0, done.err
+        passed[target] = [(target, number, name) for number, name in enumerate(done.out.split(), 1)]
+    begins, ends = (
+        [number for _, number, name in passed["identify"] if name == which][1]
+        for which in ("journal.begin.start", "journal.success.synced")
+    )
+    names = [name for _, _, name in passed["probe"]]
+    assert len(set(names)) == len(names) >= 20
+    assert set(names) == {name for _, _, name in passed["identify"]}
+    points = [*passed["probe"], *passed["identify"][begins - 1 : ends]]
     return Whole(points, {name: node["output_digest"] for name, node in project.nodes().items()})
 
 
@@ -51,13 +58,12 @@ def test_kill_at_every_durable_point_leaves_a_state_that_the_next_apply_complete
     whole: Whole, part: int, tmp_path: Path
 ) -> None:
     # Whatever points there are, the slices hold all of them together.
-    for limit in range(1 + part, len(whole.points) + 1, SLICES):
-        target = whole.target(limit)
-        project = Project(tmp_path / f"p{limit}", tmp_path / f"o{limit}")
+    for target, limit, name in whole.points[part::SLICES]:
+        project = Project(tmp_path / f"{target}{limit}", tmp_path / f"{target}{limit}-outside")
         project.write()
         done = crash(project, target, limit)
         assert done.status == -signal.SIGKILL, done.err
-        assert done.out.split()[-1] == whole.points[limit - 1]
+        assert done.out.split()[-1] == name
         project.run("apply", "-auto-approve", "-target", target, status=0)
         nodes = project.nodes()
         accepted = {name: whole.digests[name] for name in NODES[target]}

@@ -229,10 +229,9 @@ subprocess.run(["awk", "-v", "to=" + PLACE, "{print >> to}"], input=f"{_left}\\n
 
 
 @pytest.fixture
-def hiding(tmp_path: Path, compiled: Path) -> tuple[Project, Path]:
+def hiding(tmp_path: Path) -> tuple[Project, Path]:
     """A project whose tool starts a process without any variable at each call, and the file with their pids."""
     project = Project(tmp_path / "project", tmp_path / "outside")
-    project.take_environments(compiled)
     place = tmp_path / "pids"
     good = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
     body = "".join(f"    {line}\n" for line in HIDING.replace("PLACE", repr(str(place))).strip().splitlines())
@@ -257,7 +256,7 @@ ENDS = (
 )
 
 
-def test_what_a_tool_starts_without_any_variable_ends(hiding: tuple[Project, Path]) -> None:
+def test_what_a_tool_starts_without_any_variable_ends(hiding: tuple[Project, Path], compiled: Path) -> None:
     project, place = hiding
     done = project.apply(status=0)
     assert "ENDPOINT-LEFT-RUNNING" in done.codes()
@@ -266,5 +265,7 @@ def test_what_a_tool_starts_without_any_variable_ends(hiding: tuple[Project, Pat
         project.run("call", "read_temperature", "-start", status=0)
         left = pids(place)[-1]
         assert is_alive(left)
+        if end[0] == "destroy":
+            project.take_environments(compiled)  # what it removes is its own
         project.run(*end, status=0)
         until(lambda pid=left: not is_alive(pid))  # type: ignore[misc]
