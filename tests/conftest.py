@@ -13,6 +13,7 @@ from endings import end_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
 from projects import Project
+from session_folders import remove_session_folders
 
 from octoform.base.files import replace
 from octoform.endpoint.environment.build import GUESS, has_environment, prepare
@@ -51,6 +52,11 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is dear comes first: workers take tests from each other's ends, and would make its fixtures once more."""
     items.sort(key=lambda item: item.get_closest_marker("dear") is None)
+
+
+def pytest_sessionfinish() -> None:
+    """In each worker as well: see `session_folders`."""
+    remove_session_folders()
 
 
 @pytest.fixture

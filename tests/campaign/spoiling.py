@@ -4,10 +4,11 @@ import json
 import os
 import random
 import re
-import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
+
+from session_folders import session_folder
 
 _JSON: tuple[Any, ...] = (None, True, -1, 1e308, "", "a\0b", "\ud800", [], {}, [[]], {"": {}}, "../../etc/passwd")
 
@@ -68,7 +69,7 @@ def link(path: Path, data: bytes, chance: random.Random) -> None:
     path.unlink()
     target = chance.choice(["nothing", path.name, "/dev/zero", "same"])
     if target == "same":
-        elsewhere = Path(tempfile.mkdtemp(prefix="octoform-elsewhere-")) / path.name
+        elsewhere = session_folder("elsewhere") / path.name
         elsewhere.write_bytes(data)
         target = str(elsewhere)
     path.symlink_to(target)

@@ -9,6 +9,7 @@ from typing import Any
 
 from bench_host import lab, shop
 from hosts.plant import plant
+from session_folders import session_folder
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
@@ -43,7 +44,7 @@ class Host:
 def host(name: str) -> Host:
     """The host of that name, built once in a folder that goes with the process; ``rig bare`` has no profile."""
     kind, _, bare = name.partition(" ")
-    root = _built(kind, Path(_FOLDER.name) / name)
+    root = _built(kind, _FOLDER / name)
     probe = probe_root(root)
     answers = {} if bare else _ANSWERS.get(kind, {})
     paths = [TOP / "profiles" / f"{each}.md" for each in ("so-arm101", "camera-rail")]
@@ -60,7 +61,7 @@ def host(name: str) -> Host:
     return Host(root, probe, identify(probe, databases, told, answers), answers, facts, registered)
 
 
-_FOLDER = tempfile.TemporaryDirectory(prefix="octoform-case-hosts-")
+_FOLDER = session_folder("case-hosts")
 
 
 def _built(kind: str, root: Path) -> Path:

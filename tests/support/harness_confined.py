@@ -1,16 +1,16 @@
 """A driver that runs one agent through the harness port, as this user or another: ``driver.py CONFIG`` prints JSON."""
 
-import atexit
 import json
 import os
 import shutil
 import subprocess
 import sys
-import tempfile
 from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
 from typing import Any
+
+from session_folders import session_folder
 
 import octoform
 
@@ -37,8 +37,7 @@ PYTHONS = (str(Path(sys.executable).resolve()), "/usr/bin/python3", "/usr/local/
 @cache
 def _code(python: str) -> Path:
     """A folder with octoform that every user may read, compiled once for all tests; it goes with them."""
-    folder = Path(tempfile.mkdtemp(prefix="octoform-code-"))
-    atexit.register(shutil.rmtree, folder)
+    folder = session_folder("code")
     package = folder / "octoform"
     shutil.copytree(Path(octoform.__file__).parent, package, ignore=shutil.ignore_patterns("__pycache__"))
     subprocess.run([python, "-I", "-S", "-m", "compileall", "-q", str(package)], stdout=subprocess.DEVNULL, check=False)

@@ -187,7 +187,8 @@ def test_an_installation_that_is_cut_off_leaves_nothing_that_counts(machine: Mac
     machine.npm("put()\n" + waiting)
     tests = Path(__file__).parents[2]
     code = CUT_OFF.format(path=[str(tests), str(tests / "support")], folder=str(machine.folder))
-    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL)
+    environ = {**os.environ, "TMPDIR": str(machine.folder)}  # what a killed run leaves goes with the test
+    process = subprocess.Popen([sys.executable, "-c", code], stderr=subprocess.DEVNULL, env=environ)
     try:
         until((machine.folder / "note").exists)
         npm = noted(machine.folder / "note")
