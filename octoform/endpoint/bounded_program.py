@@ -126,13 +126,11 @@ class ForkServer:
         with cls._turn:
             status = python.parents[1].stat()
             environment = (status.st_dev, status.st_ino, status.st_ctime_ns)
-            found = cls._kept.get(environment)
-            if found is not None and not found._lives():
-                found.end()
-                found = None
-            if found is None:
-                found = cls._kept[environment] = cls(python)
-            return found
+            for former in [key for key, server in cls._kept.items() if not server._lives()]:
+                cls._kept.pop(former).end()
+            if environment not in cls._kept:
+                cls._kept[environment] = cls(python)
+            return cls._kept[environment]
 
     @classmethod
     def end_all(cls) -> None:

@@ -140,7 +140,7 @@ class Subject:
     def files(self) -> list[Path]:
         """The files that are damaged, in order."""
         found = []
-        for top in (self.project.state, self.project.local):
+        for top in (self.project.state, self.project.local, *self.project.local.glob("environments")):
             for path in sorted(top.rglob("*")):
                 inside = path.relative_to(self.project.folder).as_posix()
                 if path.is_file() and not path.is_symlink() and not _SKIPPED.search(inside):
@@ -311,7 +311,10 @@ def campaign(folder: Path, given: argparse.Namespace) -> list[Case]:
     from campaign.making import made
 
     part, parts = map(int, given.share.split("/"))
-    bench = made("intranet", folder, port=PORT + part)
+    # By a link: the loaded command line of the tests then keeps a process that has loaded what the endpoint needs.
+    environments = folder / "environments"
+    environments.mkdir(mode=0o700)
+    bench = made("intranet", folder, environments, PORT + part)
     try:
         lived(bench)
         subject = Subject(bench.project, given.seconds, applies=given.applies)
