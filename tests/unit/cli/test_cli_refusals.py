@@ -73,16 +73,65 @@ COMMANDS = [
 ]  # fmt: skip
 
 
+IN_TURN = """
+import importlib, json, os, pkgutil, sys, tempfile, traceback
+from octoform.cli.main import main
+
+for package in ("cli.commands", "manifest", "engine", "endpoint", "views", "state"):
+    found = importlib.import_module("octoform." + package)
+    for module in pkgutil.walk_packages(found.__path__, found.__name__ + "."):
+        if ".scripts" not in module.name:
+            importlib.import_module(module.name)
+
+for words in json.loads(sys.argv[1]):
+    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+        pid = os.fork()
+        if pid == 0:
+            os.dup2(out.fileno(), 1)
+            os.dup2(err.fileno(), 2)
+            status = 70
+            try:
+                status = main(words.split())
+            except SystemExit as ended:
+                status = ended.code
+            except BaseException:
+                traceback.print_exc()
+            sys.stdout.flush()
+            sys.stderr.flush()
+            os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
+        texts = [os.pread(each.fileno(), 1 << 20, 0).decode() for each in (out, err)]
+        print(json.dumps([words, status, *texts]), flush=True)
+"""
+"""Each of several commands in a fork of a process that has octoform loaded."""
+Answers = dict[tuple[str, str], tuple[int, str, str]]
+
+
+@pytest.fixture(scope="module")
+def strangers(bench: Launched) -> Answers:
+    """What another user is told: (closed folder, command) to exit status and the two streams."""
+    folder, found = bench.layout.project, {}
+    for closed, mode in ((".octoform", 0o700), (".octoform/bench", 0o755)):
+        (folder / ".octoform").chmod(mode)
+        command = [*NOBODY, sys.executable, "-P", "-c", IN_TURN, json.dumps(COMMANDS)]
+        environ = {"PATH": os.environ["PATH"], "HOME": str(folder)}
+        done = subprocess.run(
+            command, cwd=folder, env=environ, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120,
+            check=True,
+        )  # fmt: skip
+        for words, status, out, err in map(json.loads, done.stdout.splitlines()):
+            found[closed, words] = status, out, err
+    return found
+
+
 @as_root
 @pytest.mark.parametrize("words", COMMANDS)
 @pytest.mark.parametrize("closed", [".octoform", ".octoform/bench"])
-def test_another_user_is_told_whose_it_is(bench: Launched, words: str, closed: str) -> None:
-    folder = bench.layout.project
-    (folder / ".octoform").chmod(0o700 if closed == ".octoform" else 0o755)
-    done = octoform(folder, *words.split(), prefix=NOBODY)
-    assert done.returncode == 1
-    assert "PROJECT-FOREIGN" in done.stderr and f"{closed} belongs to user root" in done.stderr
-    assert "not running" not in done.stdout + done.stderr
+def test_another_user_is_told_whose_it_is(bench: Launched, strangers: Answers, words: str, closed: str) -> None:
+    status, out, err = strangers[closed, words]
+    assert status == 1 and "Traceback" not in err
+    assert "PROJECT-FOREIGN" in err and f"{closed} belongs to user root" in err
+    assert "not running" not in out + err
     assert bench.process
 
 
