@@ -30,7 +30,7 @@ PROFILE = """\
 ---
 name: lamp
 about: the lamp over the bench
-evidence: {text: [Bench Lamp]}
+evidence: {text: [USB Serial]}
 ---
 
 It dims in steps.
@@ -63,22 +63,37 @@ class Bench:
         sysroot(self.root, modaliases)
 
 
-@pytest.fixture
-def bench(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
-    project = tmp_path / "project"
+@pytest.fixture(scope="module")
+def settled(tmp_path_factory: pytest.TempPathFactory) -> Bench:
+    """Made once; a copy of it lies beside it."""
+    folder = tmp_path_factory.mktemp("settled") / "bench"
+    project = folder / "project"
     shutil.copytree(SHIPPED, project / "protocol")
     (project / "profiles").mkdir()
     (project / "profiles" / "lamp.md").write_text(PROFILE)
     (project / "octopus.yaml").write_text(MANIFEST)
-    made = Bench(project, tmp_path / "root")
+    made = Bench(project, folder / "root")
     made.hardware("usb:v0A0Ap0001d0100")
-    monkeypatch.setenv("OCTOFORM_SYSROOT", str(made.root))
-    monkeypatch.setenv("AGENT_TOKEN", "one")
-    Settled(project, os.environ).apply()
-    assert made.run("apply", "-auto-approve") == 0
-    capsys.readouterr()
-    assert made.hit()
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("OCTOFORM_SYSROOT", str(made.root))
+        patch.setenv("AGENT_TOKEN", "one")
+        Settled(project, os.environ).apply()
+        assert made.run("apply", "-auto-approve") == 0
+    shutil.copytree(folder, folder.with_name("kept"), symlinks=True)
     return made
+
+
+@pytest.fixture
+def bench(settled: Bench, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> Bench:
+    """It as it was made, whatever the test before did to it; the memo rests on paths, so it lies where it was."""
+    folder = settled.project.parent
+    shutil.rmtree(folder)
+    shutil.copytree(folder.with_name("kept"), folder, symlinks=True)
+    monkeypatch.setenv("OCTOFORM_SYSROOT", str(settled.root))
+    monkeypatch.setenv("AGENT_TOKEN", "one")
+    capsys.readouterr()
+    assert settled.hit()
+    return settled
 
 
 def add_a_byte(name: str) -> Callable[[Bench], None]:
