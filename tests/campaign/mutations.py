@@ -68,7 +68,7 @@ _KINDS = (
 )
 _FOREIGN = re.compile(
     r"Traceback|\[Errno|codec can't|levels of symbolic|NoneType|object (is not|has no)|(list|tuple|str) (index|indices)"
-    r"|unhashable|Error: |invalid literal|not supported between|unexpected keyword"
+    r"|unhashable|Error: |invalid literal|not supported between|unexpected keyword|Input should"
 )
 """What no sentence of octoform holds: the words of Python and of the kernel."""
 _QUOTES = ("incidents", "logs", "attempts", "attempts show 4")

@@ -119,7 +119,9 @@ def _field(layout: Layout, invalid: ValidationError) -> Diagnostic:
     first = invalid.errors(include_url=False, include_input=False)[0]
     pointer = "".join(f"/{part}" for part in first["loc"])
     more = f" (and {invalid.error_count() - 1} more)" if invalid.error_count() > 1 else ""
-    summary = f"the state file is damaged: {first['msg']}{more}"
+    # pydantic calls every value its input, and goes on about how it tried to read it.
+    wrong = first["msg"].partition(",")[0].replace("Input should", "this value should")
+    summary = f"the state file is damaged: {wrong}{more}"
     return error("STATE-NOT-STATE", summary, path=shown(layout.snapshot), pointer=pointer, hint=recovery(layout))
 
 
