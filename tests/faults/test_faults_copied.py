@@ -169,8 +169,9 @@ def test_a_restored_backup_is_not_the_lost_machines(applied: Project, copy: Proj
 
 
 def test_a_renamed_folder_keeps_what_was_started_from_it(applied: Project, copy: Project) -> None:
-    copy.run("apply", "-auto-approve", status=0)
+    copy.run("start", status=0)
     mine = pid(copy)
+    assert mine is not None
     moved = beside(copy, "moved")
     assert pid(moved) == mine
     assert str(copy.folder) in moved.run("plan").out

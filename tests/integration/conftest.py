@@ -22,12 +22,11 @@ def live(applied: Project) -> Project:
 
 
 @pytest.fixture(scope="module")
-def applied(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Project:
+def applied(tmp_path_factory: pytest.TempPathFactory) -> Project:
     """A project in a folder with blanks, a quote and umlauts, applied from PROBE to the endpoint."""
     folder = tmp_path_factory.mktemp("live")
     made = Project(folder / "Prüfstand 'zwei' & mehr", folder / "outside")
     made.folder.mkdir()
     made.own_specs()
-    made.take_environments(compiled)
     made.apply(status=0)
     return made

@@ -41,6 +41,14 @@ def reword(project: Project, stage: str) -> None:
         spec.write("Again.\n")
 
 
+@pytest.fixture
+def live_alone(live: Project, compiled: Path) -> Project:
+    """The same with an environment of its own, which may be spoilt or destroyed."""
+    if (live.local / "environments").is_symlink():
+        live.take_environments(compiled)
+    return live
+
+
 def test_the_second_apply_starts_no_agent_and_changes_nothing(live: Project) -> None:
     before = (live.state / "state.json").read_bytes()
     assert live.stages_run()[:5] == ["probe", "identify", "interface", "serve", "deploy"]
@@ -175,8 +183,11 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
     assert server.read_bytes() == good
 
 
-def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_without_an_agent(live: Project) -> None:
+def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_without_an_agent(
+    live_alone: Project,
+) -> None:
     """One damage after the other, each seen by itself; one apply then mends them all."""
+    live = live_alone
     launcher = live.local / "endpoint" / "launch"
     launcher.unlink()
     told = reasons(live)
@@ -210,7 +221,8 @@ def test_destroy_is_refused_without_approval_and_by_prevent_destroy(live: Projec
     assert live.run("plan", "-detailed-exitcode").status == 0
 
 
-def test_destroy_takes_away_what_is_ours_and_nothing_else(live: Project) -> None:
+def test_destroy_takes_away_what_is_ours_and_nothing_else(live_alone: Project) -> None:
+    live = live_alone
     mine = [live.folder / "notes.md", live.state / "notes.md", live.local / "endpoint" / "mine.txt"]
     for path in mine:
         path.write_text("mine\n")
