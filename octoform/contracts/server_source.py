@@ -16,15 +16,26 @@ from octoform.diagnostics import Diagnostic, Span, error
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 _MAX_LINE_SHOWN = 200
-_BELOW = "_octoform_below"
+_BELOW, _CHILDREN = "_octoform_below", "_octoform_children"
 
 
 def walk(node: ast.AST) -> tuple[ast.AST, ...]:
     """A node and every node below it, from the top down; kept with the node, since many rules ask for the same ones."""
     found: tuple[ast.AST, ...] | None = getattr(node, _BELOW, None)
     if found is None:
-        found = tuple(ast.walk(node))
+        queue = [node]
+        for item in queue:
+            queue.extend(_children(item))
+        found = tuple(queue)
         setattr(node, _BELOW, found)
+    return found
+
+
+def _children(node: ast.AST) -> tuple[ast.AST, ...]:
+    found: tuple[ast.AST, ...] | None = getattr(node, _CHILDREN, None)
+    if found is None:
+        found = tuple(ast.iter_child_nodes(node))
+        setattr(node, _CHILDREN, found)
     return found
 
 
@@ -68,6 +79,11 @@ class Source:
     def calls(self) -> tuple[tuple[ast.Call, str], ...]:
         """Every call with the dotted name of what is called."""
         return tuple((node, self.dotted(node.func)) for node in self.by_kind[ast.Call])
+
+    @cached_property
+    def imports(self) -> tuple[ast.Import | ast.ImportFrom, ...]:
+        """Every statement that imports, inside of functions too."""
+        return tuple(node for node in self.nodes if isinstance(node, ast.Import | ast.ImportFrom))
 
     @cached_property
     def classes(self) -> tuple[ast.ClassDef, ...]:
@@ -181,7 +197,7 @@ def read_source(text: str) -> Source | Diagnostic:
     except (ValueError, RecursionError, MemoryError) as problem:
         summary = f"the server is no Python that can be compiled: {str(problem) or type(problem).__name__}"
         return error("SERVE-SYNTAX", summary, hint="write plain Python text")
-    parents = {child: node for node in walk(tree) for child in ast.iter_child_nodes(node)}
+    parents = {child: node for node in walk(tree) for child in _children(node)}
     return Source(text, tuple(text.splitlines()), tree, dict(_imported(tree)), parents)
 
 
@@ -195,11 +211,11 @@ def needed_source(text: str) -> Source:
 
 def imported_modules(source: Source) -> Iterator[tuple[str, ast.Import | ast.ImportFrom, bool]]:
     """(top-level module, statement, whether it is inside a function); a relative import gives ``.``."""
-    for node in source.nodes:
+    for node in source.imports:
         if isinstance(node, ast.Import):
             for item in node.names:
                 yield item.name.partition(".")[0], node, source.owner(node) is not None
-        elif isinstance(node, ast.ImportFrom):
+        else:
             top = "." if node.level else (node.module or "").partition(".")[0]
             yield top, node, source.owner(node) is not None
 
