@@ -270,3 +270,79 @@ DEPLOY_RIGHT: dict[str, Any] = {
     "a name in other letters": lambda value: value["requirements"][2].update(name="PYSERIAL"),
     "lists with nothing": lambda value: value.update(deps_failed=[], conflicts=[], programs=[]),
 }
+
+
+IDENTIFY_RIGHT |= {
+    "a camera that senses and acts": ("laptop", identify.put(KESTREL, category="bidirectional")),
+    "a sound card that acts": ("laptop", identify.put(SOUND, category="actuator")),
+    "a light that acts and tells": ("laptop", identify.put(identify.LIGHT, category="bidirectional")),
+    "a battery that carries the host": ("laptop", identify.put(BATTERY, category="infrastructure")),
+}
+
+
+# Categories that their class contradicts, the words of a neighbour, and units that disagree: of trials with agents.
+def described(name: str, source: str) -> Any:
+    """What is stated of one device, word by word, under another one's id."""
+
+    def change(value: Any) -> None:
+        own = identify.device(value, source)
+        kept = ("identified_as", "category", "class", "confidence", "method", "evidence", "capabilities")
+        identify.device(value, name).update({each: own[each] for each in kept if each in own})
+
+    return change
+
+
+IDENTIFY_WRONG |= {
+    "a camera that acts": ("laptop", identify.put(KESTREL, category="actuator")),
+    "a sensor chip that acts": ("laptop", identify.put(CHIP, category="actuator")),
+    "a battery that acts": ("laptop", identify.put(BATTERY, category="actuator")),
+    "an environmental sensor that acts": ("raspberry", identify.put(ENV, category="actuator")),
+    "a display's light that senses": ("laptop", identify.put(identify.LIGHT, category="sensor")),
+    "a camera that carries others": ("laptop", identify.put(KESTREL, category="infrastructure")),
+    "a sensor as the camera": ("laptop", described(CHIP, KESTREL)),
+    "the camera as the battery": ("laptop", described(KESTREL, BATTERY)),
+    "the text of the camera for the disk": (
+        "laptop",
+        lambda value: identify.device(value, DISK)["capabilities"][0].update(
+            description=identify.ability(value, KESTREL, "capture_image")["description"]
+        ),
+    ),
+    "the text of the battery for the chip": (
+        "laptop",
+        lambda value: identify.device(value, CHIP)["capabilities"][0].update(
+            description=identify.device(value, BATTERY)["capabilities"][0]["description"]
+        ),
+    ),
+}
+INTERFACE_WRONG |= {
+    "degrees that are millivolts": result(
+        "read_temperature", ("temperature_c", {**NUMBER, "description": "millivolts at the sensor"})
+    ),
+    "degrees in thousandths": result(
+        "read_temperature",
+        ("temperature_c", {**NUMBER, "description": "in millidegrees Celsius, as the kernel has it"}),
+    ),
+    "volts in degrees": result("read_temperature", ("temperature_v", {**NUMBER, "description": "degrees Celsius"})),
+    "a pressure in per cent": result("read_temperature", ("pressure_hpa", {**NUMBER, "description": "percent"})),
+    "bytes in megabytes": result(
+        "read_storage", ("size_bytes", {"type": "integer", "description": "the size in megabytes"})
+    ),
+    "a kelvin of celsius": result(
+        "read_temperature", ("temperature_k", {**NUMBER, "description": "temperature in degrees Celsius"})
+    ),
+    "a speed in volts": result("read_temperature", ("fan_rpm", {**NUMBER, "description": "in volts"})),
+}
+INTERFACE_RIGHT |= {
+    "degrees that a voltage gives": result(
+        "read_temperature",
+        ("temperature_c", {**NUMBER, "description": "degrees Celsius, computed from the millivolts of the sensor"}),
+    ),
+    "degrees by their letter": result("read_temperature", ("temperature_c", {**NUMBER, "description": "in C"})),
+    "degrees without a word": result("read_temperature", ("temperature_c", NUMBER)),
+    "volts with their range": result(
+        "read_temperature", ("supply_v", {**NUMBER, "description": "volts; the driver gives millivolts"})
+    ),
+    "a state of charge and its count": result(
+        "read_temperature", ("load_percent", {**NUMBER, "description": "percent of 250 mA"})
+    ),
+}

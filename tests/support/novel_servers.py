@@ -165,6 +165,21 @@ PLACES: dict[str, Any] = {
         CAMERA.format("", FLUSHED).replace('runtime.device(device).node("video4linux")', "int(device[-1], 16) % 2")
     ),
 }
+NAMES: dict[str, Any] = {
+    "a number of the folder's name": temperature(f"value = int({ASKED}.path('hwmon').name[5:])"),
+    "a number of the file's name": temperature(
+        f"files = runtime.files({ASKED}.path('hwmon'), 'temp*_input')\n"
+        "value = float(re.search(r'\\d+', files[0].name)[0])"
+    ),
+    "a number of the stem": temperature(f"value = float(({FILE}).stem.strip('tempinu_'))"),
+    "a number of the path": temperature(f"value = 1000 * float(re.sub(r'\\D', '', str({ASKED}.path('hwmon'))))"),
+    "a number of the node": temperature(f"value = float({ASKED}.node('hwmon').rpartition('hwmon')[2])"),
+    "how long the path is": temperature(f"value = float(len(str({ASKED}.path('hwmon'))))"),
+    "a number of the id": temperature("value = float(sum(map(ord, device)))\n" + ASKED),
+    "a number of the parent's name": temperature(
+        f"value = float(({ASKED}.path('hwmon') / 'device').resolve().name.rpartition('.')[2])"
+    ),
+}
 MANNERS: dict[str, Any] = {
     "an end of the process": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    sys.exit(1)"),
     "an end without a word": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    os._exit(1)"),
@@ -186,6 +201,7 @@ WRONG = {
         "hidden": HIDDEN,
         "replaced": REPLACED,
         "place": PLACES,
+        "name": NAMES,
         "manners": MANNERS,
     }.items()
     for name, case in cases.items()
@@ -244,6 +260,24 @@ RIGHT: dict[str, Any] = {
             'runtime.device(device).node("video4linux")',
             "int(runtime.device(device).node('video4linux').rpartition('video')[2])",
         )
+    ),
+    "a channel of the file's name beside its reading": body(
+        "read_temperature",
+        f"path = {FILE}\nvalue = float(path.read_text())\nchannel = int(path.name[4])\n"
+        "return Readings(device=device, readings=[Reading(sensor='benchtemp', channel=f'temp{channel}', label='board', "
+        "value=value / 1000, unit='degC')], unreadable=[])",
+    ),
+    "the file of the highest number": temperature(
+        f"path = max(runtime.files({ASKED}.path('hwmon'), 'temp*_input'), key=lambda each: int(each.name[4]))\n"
+        "value = float(path.read_text())"
+    ),
+    "a file by the number of its label": temperature(
+        f"chip = {ASKED}.path('hwmon')\nlabel = runtime.files(chip, 'temp*_label')[0]\nnumber = int(label.name[4])\n"
+        "value = float((chip / f'temp{number}_input').read_text())"
+    ),
+    "a scale by the folder's number": temperature(
+        f"chip = {ASKED}.path('hwmon')\nif int(chip.name[5:]) > 90:\n    raise ToolError('no such chip')\n"
+        "value = float((chip / 'temp1_input').read_text())"
     ),
     "bytes that are unpacked": temperature(
         f"value = float(struct.unpack('5s', ({FILE}).read_bytes()[:5])[0])", "struct"

@@ -56,6 +56,69 @@ def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     return out
 
 
+_SENSES = frozenset({"video4linux", "usb-0e", "hwmon", "thermal", "iio", "power_supply"})
+"""Classes of the kernel of which a reading is what comes out, unless a capability acts."""
+_SHINES = frozenset({"leds", "backlight"})
+"""Classes of the kernel that only take a value and give back what was set."""
+_LEAST_WORDS = 4
+"""Of a description that two capabilities do not share by chance."""
+
+
+def category_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The category is one that the class allows: what only reads is no actuator, and a light senses nothing."""
+    if (artifacts.probe or {}).get("platform", {}).get("os") != "linux":
+        return []  # other systems have other words for classes
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        entry = probed.get(device["id"])
+        if entry is None or entry.get("context") or known_by_a_person(device, artifacts):
+            continue
+        ways = ways_of(entry)
+        right = _right_category(device, ways)
+        if right is not None:
+            shows = f"PROBE shows {listed(sorted(ways))} of it"
+            summary = f"{shown(device['id'])} is of the category {device['category']}, and {shows}"
+            hint = f"write {right}; a capability that acts or reads has to be there for another one"
+            out.append(
+                error("IDENTIFY-CATEGORY-FALSE", summary, pointer=pointer("devices", index, "category"), hint=hint)
+            )
+    return out
+
+
+def _right_category(device: JsonObject, ways: frozenset[str]) -> str | None:
+    """The category that the classes show where another one is stated; None where they say nothing against it."""
+    effects = {capability["effect"] for capability in device["capabilities"]}
+    if device["category"] == "actuator" and effects == {"read"} and ways & _SENSES:
+        return "sensor"
+    if device["category"] == "sensor" and ways and ways <= _SHINES:
+        return "actuator, or bidirectional where what was set is read as well"
+    if device["category"] == "infrastructure" and effects and "usb-0e" in ways:
+        return "sensor, or bidirectional where it is moved or set as well"
+    return None
+
+
+def description_copied(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What a capability does is not described in the words of another one, of a device of another class."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    first: dict[str, tuple[JsonObject, JsonObject]] = {}
+    out = []
+    for index, at, device, capability in capabilities(value):
+        text = " ".join(capability["description"].casefold().split())
+        other, its = first.setdefault(text, (device, capability))
+        ways, theirs = (
+            ways_of(probed[each["id"]]) if each["id"] in probed else frozenset() for each in (device, other)
+        )
+        apart = bool(ways and theirs) and ways.isdisjoint(theirs) and capability["name"] != its["name"]
+        if apart and len(text.split()) >= _LEAST_WORDS:
+            summary = f"{shown(capability['name'])} of {shown(device['id'])} is described as {shown(its['name'])} of "
+            summary += f"{shown(other['id'])} is"
+            where = pointer("devices", index, "capabilities", at, "description")
+            hint = "describe what this capability does with this device, by what PROBE shows of it"
+            out.append(error("IDENTIFY-DESCRIPTION-COPIED", summary, pointer=where, hint=hint))
+    return out
+
+
 def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The word of class follows from a class of the kernel or of USB, or is said by the device or its owner."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
@@ -151,6 +214,8 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
 _ASIDE = frozenset({"unknown", "unidentified", "unnamed", "what", "not", "no", "an", "a", "the", "some", "possibly"})
 RULES = (
     Rule("IDENTIFY-FACT-FROM-MEMORY", fact_from_memory),
+    Rule("IDENTIFY-CATEGORY-FALSE", category_false),
+    Rule("IDENTIFY-DESCRIPTION-COPIED", description_copied),
     Rule("IDENTIFY-CLASS-FALSE", class_false),
     Rule("IDENTIFY-WAY-FALSE", way_false),
     Rule("IDENTIFY-NOT-REVERSIBLE", destruction_understated),

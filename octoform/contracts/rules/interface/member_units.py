@@ -187,6 +187,52 @@ def read_nothing(capability: str, schema: Any) -> Iterator[tuple[tuple[str, ...]
             yield place, f"has a picture or a sound as {name}, and not as content"
 
 
+_HEAT = frozenset({"temperature", "temp", "dewpoint"})
+_LETTERS: dict[str, tuple[str, frozenset[str]]] = {
+    "c": ("degC", _HEAT),
+    "f": ("degF", _HEAT),
+    "k": ("K", _HEAT),
+    "v": ("V", frozenset({"voltage", "supply"}) | _HEAT),
+    "mv": ("mV", frozenset({"voltage", "supply"}) | _HEAT),
+    "ma": ("mA", frozenset({"current"})),
+    "mw": ("mW", frozenset({"power"})),
+}
+"""Short units at the end of a name, each with the quantities beside which they are one: `phase_c` is none."""
+_SCALED: dict[str, str] = {
+    **dict.fromkeys(("millivolt", "millivolts"), "mV"),
+    **dict.fromkeys(("microvolt", "microvolts"), "uV"),
+    **dict.fromkeys(("milliamp", "milliamps", "milliampere", "milliamperes"), "mA"),
+    **dict.fromkeys(("milliwatt", "milliwatts"), "mW"),
+    **dict.fromkeys(("microwatt", "microwatts"), "uW"),
+    **dict.fromkeys(("millidegree", "millidegrees"), "mdegC"),
+    **dict.fromkeys(("kilovolt", "kilovolts"), "kV"),
+}
+"""Units of which a whole one is in `octoform.base.quantities`."""
+_SIZES = {
+    f"{prefix}byte{plural}": f"{prefix}byte" for prefix in ("", "kilo", "mega", "giga", "tera") for plural in ("", "s")
+}
+_TIMES = {
+    f"{prefix}second{plural}": f"{prefix}second" for prefix in ("", "milli", "micro", "nano") for plural in ("", "s")
+}
+_MILLI_OF = re.compile(r"millidegrees? (?:c|celsius)\b")
+
+
+def _disagree(name: str, description: Any) -> bool:
+    """Whether the description gives the number units, and that of its name is none of them."""
+    text = _MILLI_OF.sub("millidegrees", description.casefold()) if isinstance(description, str) else ""
+    said = [word for word in re.findall(r"[a-z]+", text)]
+    parts, last = tokens(name), name.casefold().rpartition("_")[2]
+    for table in (_SIZES, _TIMES):
+        if last in table:
+            other = {table[word] for word in said if word in table}
+            return bool(other) and table[last] not in other
+    letter = _LETTERS.get(last)
+    own = _SCALED.get(last) or (letter[0] if letter and letter[1].intersection(parts) else unit_of_name(name))
+    whole = unit_in(text)
+    told = {_SCALED[word] for word in said if word in _SCALED} | ({whole} if whole is not None else set())
+    return own is not None and bool(told) and own not in told
+
+
 def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
     """(place, name) of each number whose name gives another unit than its description, at any depth."""
     if not isinstance(schema, Mapping):
@@ -194,8 +240,7 @@ def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tupl
     members = schema.get("properties")
     for name, member in members.items() if isinstance(members, Mapping) else ():
         place = (*where, "properties", str(name))
-        own, said = unit_of_name(str(name)), unit_in(member.get("description")) if _is_number(member) else None
-        if own is not None and said is not None and own != said:
+        if _is_number(member) and _disagree(str(name), member.get("description")):
             yield place, str(name)
         yield from unit_against_name(member, place)
     for part in ("items", "additionalProperties"):

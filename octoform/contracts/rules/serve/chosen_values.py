@@ -2,6 +2,7 @@
 
 Such a number follows the device, and still no one measured it: it says on which side of a bound the reading was. That
 is a state, a boolean or a word. A count or a level of a few steps may be chosen so, a quantity with a unit may not.
+And numbers that stand in the name of a folder or a file: they follow the device as well, and no one measured them.
 """
 
 import ast
@@ -9,12 +10,14 @@ from collections.abc import Iterable, Iterator
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.rules.serve.flow import Flow
+from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin
 from octoform.contracts.server_source import Source, walk
 
 Numbers = frozenset[float]
 _DEPTH = 8
 _STEPPED = frozenset({"%", None})
 """Units in which a number may stand for one of a few steps."""
+_NAMES_OF_PATHS = frozenset({"name", "stem", "suffix"})
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
 
 
@@ -96,6 +99,38 @@ def is_measured(site: ast.AST, name: str, units: Iterable[str | None], numbers: 
     beside = [unit_of_text(item) for item in _units_beside(site)]
     known = [unit_of_name(name), *units, *beside]
     return any(unit not in _STEPPED for unit in known) or any(not number.is_integer() for number in numbers)
+
+
+def of_places(
+    source: Source, flow: Flow, given: list[tuple[ast.AST, str, ast.expr]], units: dict[str, str | None]
+) -> Iterator[tuple[str, ast.expr]]:
+    """The members with a unit whose number comes from where a device was found, or from its id, and was not read."""
+    for node, name, each in given:
+        origin = flow.of(each)
+        placed = origin & (Origin.FOUND | Origin.DEVICE | Origin.ARGUMENT)
+        read = origin & (Origin.READ | Origin.SYSTEM | Origin.COUNTED | Origin.CLOCK)
+        unread = (placed and not read) or _is_of_name(source, flow, each)
+        if unread and is_measured(node, name, [units[name]], frozenset()):
+            yield name, each
+
+
+def _is_of_name(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bool:
+    """Whether a value is made of the name of a file that was found, and of nothing that was read."""
+    if isinstance(node, ast.Attribute) and node.attr in _NAMES_OF_PATHS:
+        return True
+    if depth == 0 or isinstance(node, ast.Constant):
+        return False
+    if isinstance(node, ast.Name):
+        values = flow.plain(node)
+        return bool(values) and all(_is_of_name(source, flow, each, depth - 1) for each in values)
+    if isinstance(node, ast.Call):
+        name, method = source.dotted(node.func), isinstance(node.func, ast.Attribute) and node.func.attr in PLACES
+        own = [node.func.value] if method and isinstance(node.func, ast.Attribute) else []
+        parts: list[ast.expr] = [*own, *node.args] if method or PURE.fullmatch(name) else []
+    else:
+        parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
+    told = [item for item in parts if flow.of(item) & (Origin.READ | Origin.SYSTEM)]
+    return bool(told) and all(_is_of_name(source, flow, item, depth - 1) for item in told)
 
 
 def _number(value: object) -> Numbers | None:

@@ -11,7 +11,7 @@ from typing import Any
 from octoform.base.escaping import shown
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment
+from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment, of_places
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.kept_values import Kept
 from octoform.contracts.rules.serve.origins import Origin, last
@@ -78,6 +78,12 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
+        for name, each in of_places(source, flow, given, units):
+            summary = (
+                f"the result's {shown(name)} is taken from a name or a place, and not from what the device measured"
+            )
+            hint = "read the file or ask the device; a number in a name is that of a place, and no value"
+            out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for call in (node for node, _ in source.calls if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
             hint = "return what was read as it is; a wait of chance belongs to time.sleep"
