@@ -1,5 +1,7 @@
 """A manifest that is wrong is refused with its place by every command, before anything is looked at or started."""
 
+from pathlib import Path
+
 import pytest
 from projects import Project
 
@@ -18,7 +20,9 @@ BAD = [
 
 
 @pytest.mark.parametrize(("text", "told"), BAD)
-def test_is_refused_with_line_and_column(project: Project, text: str, told: dict[str, str]) -> None:
+def test_is_refused_with_line_and_column(tmp_path: Path, text: str, told: dict[str, str]) -> None:
+    project = Project(tmp_path / "project", tmp_path / "outside", own_environments=True)
+    project.write()
     (project.folder / "octopus.yaml").write_text(text)
     before = sorted(project.folder.rglob("*"))
     for command in COMMANDS:
