@@ -227,6 +227,10 @@ def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
     assert isinstance(environ, dict) and isinstance(argv, list)
     os.dup2(out, 1)
     os.dup2(err, 2)
+    for environment, server in list(ForkServer._kept.items()):
+        if server._orders.fileno() not in kept:  # its descriptor is closed here, and its number soon another file's
+            server._orders.detach()
+            del ForkServer._kept[environment]
     first = 3
     for descriptor in (*sorted(kept), 1024):
         os.closerange(first, descriptor)
