@@ -2,13 +2,12 @@
 
 from pathlib import Path
 from threading import Thread
-from types import SimpleNamespace
 
 import pytest
 from unit.endpoint.endpoint_servers import Wheelhouse
 
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.bounded_program import run
+from octoform.endpoint.bounded_program import ForkServer, run
 from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import normalise, resolve
@@ -250,13 +249,14 @@ def test_who_would_compile_the_same_waits_for_it(
     waits = Thread(target=await_bytecode, args=(layout,))
     early: list[bool] = []
 
-    def compiling(*_: object, **__: object) -> SimpleNamespace:
+    def compiling(*_: object) -> bool:
         waits.start()
         waits.join(0.05)
         early.append(not waits.is_alive())
-        return SimpleNamespace(status=0)
+        return True
 
-    monkeypatch.setattr("octoform.endpoint.environment.build.run", compiling)
+    # The package is so small that its import is over before anyone can wait for it.
+    monkeypatch.setattr(ForkServer, "loaded", compiling)
     assert prepare(layout, ["alpha==1.0"])
     waits.join(10)
     assert (early, waits.is_alive()) == ([False], False)
