@@ -27,9 +27,11 @@ from octoform.builtin.classes import (
 )
 from octoform.builtin.description import product_names
 from octoform.builtin.description.claim_model import (
+    ACTUATOR,
     BIDIRECTIONAL,
     INFRASTRUCTURE,
     READ,
+    SENSOR,
     UNKNOWN,
     Capability,
     Claim,
@@ -50,7 +52,10 @@ from octoform.builtin.task import Task
 _MISSING = "The name that it goes by shows only how it is wired; what is this device, by maker and model?"
 _ASKED = "Its own strings could not be taken unchanged; what is this device, by maker and model?"
 _UNTOLD = "none of its own strings could be taken unchanged"
-_ACTING = ("sensor", "actuator", "bidirectional")
+_ACTING = (SENSOR, ACTUATOR, BIDIRECTIONAL)
+_MEASURING = frozenset(("video4linux", "hwmon", "thermal", "iio", "power_supply"))
+_SHINING = frozenset(("leds", "backlight"))
+_USB_VIDEO = "0e"  # USB class code of video devices, usb.org "Defined Class Codes"
 _WIRES = frozenset(
     (
         *("serial", "uart", "usart", "rs232", "rs422", "rs485", "ttl", "bridge"),
@@ -81,6 +86,23 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
     if annotation["category"] not in _ACTING or not any(names_wires(text, device.raw) for text in (name, bare)):
         return annotation
     return unknown(annotation, _MISSING)
+
+
+def categorised(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
+    """The annotation with the category that classes and effects bear out, whatever a word of its name means elsewhere.
+
+    What is called a lamp and only gives temperatures is a sensor, and a dock with a camera in it is one too.
+    """
+    effects = {capability["effect"] for capability in annotation["capabilities"]}
+    films = any(interface.triple[0] == _USB_VIDEO for interface in device.interfaces)
+    category = annotation["category"]
+    if category == ACTUATOR and effects == {"read"} and (films or device.classes & _MEASURING):
+        category = SENSOR
+    elif category == INFRASTRUCTURE and effects and films:
+        category = SENSOR if effects == {"read"} else BIDIRECTIONAL
+    elif category == SENSOR and device.classes and device.classes <= _SHINING and not device.interfaces:
+        category = BIDIRECTIONAL if "read" in effects else ACTUATOR
+    return {**annotation, "category": category}
 
 
 def without_refused(artifact: dict[str, Any], refused: Iterable[Mapping[str, Any]]) -> dict[str, Any]:
@@ -224,7 +246,7 @@ def identify(
         if isinstance(verdict, Leave):
             left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})
         else:
-            verdict = accepted(device, verdict)
+            verdict = accepted(device, categorised(device, verdict))
             devices.append(macos.without_tools(device, verdict) if mac else verdict)
     return {"format": 1, "devices": devices, "left_out": left_out}
 

@@ -241,7 +241,7 @@ _CLASS_WORDS = """
     rail range reader real rear receiver recorder relay relays remote removable rf rfid ring robot robotic room root
     router rover rpm rtc sas sata satellite scales scanner screen scsi sd sdr security sensor sensors serial server
     servo servos signal single slider slot slots smart soc socket software solid sound soundcard speaker speakers
-    spectrum ssd state stepper stereo stick still storage stream streams studio stylus supply surface switch
+    spectrum ssd state stepper stereo stick still storage stripe stream streams studio stylus supply surface switch
     switches synthesizer system tablet tape tb telemetry telephone telescope temperature temperatures terminal test
     thermal thermometer thermostat time timer token touch touchpad touchscreen trackball trackpad trackpoint
     transceiver transfer transmitter trusted tuner turntable tv uac uhd uninterruptible unit update ups usb uv uvc

@@ -6,6 +6,7 @@ asks for more than the rights of whoever started octoform.
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 import sys
@@ -294,7 +295,7 @@ def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attem
     """Deeper than Python's stack and longer than a path may be; and what was planted beside goes all the same."""
     project = attacked.project
     plant = f"mkdir -p {project.folder}/profiles; echo planted > {project.folder}/profiles/x.md"
-    nests = [f'{sys.executable} -c "{NEST.format(attacked.words(place))}"; {plant}' for place in NESTS]
+    nests = [f'{shlex.quote(sys.executable)} -c "{NEST.format(attacked.words(place))}"; {plant}' for place in NESTS]
     project.script = {"probe": [*({"shell": nest} for nest in nests), "good"]}
     project.manifest = {"budget": f"{{attempts: {len(NESTS) + 1}}}"}
     try:

@@ -117,16 +117,23 @@ _OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem
 # Greek, Cyrillic, Hebrew, Arabic, kana, Chinese characters, Hangul: two letters at least.
 _FOREIGN = re.compile(r"[\u0370-\u06ff\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]{2}")
 _COINED = re.compile(r"\b(?=\w*[a-z])(?=\w*[A-Z]\w*[A-Z])[A-Za-z]{4,}\b")
+_LAST_PART = re.compile(r"[^\w]*\w*$")
 _INITIAL = 2
 _SHORT_MODEL = re.compile(r"(.*\S)[ _-]+([A-Z]{2})(?:[ _-].*)?")
 _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
 def tidy(text: str) -> str:
-    """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks."""
+    """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks.
+
+    It is cut where a word ends, since half a word is in no string of the device.
+    """
     plain = _SERIAL.sub(" ", _MARKS.sub(" ", text)).replace("_", " ")
     printable = "".join(sign if sign.isprintable() else " " for sign in plain)
-    return _TWICE.sub(r"\1", " ".join(printable.split()))[:LONGEST_NAME].strip()
+    line = _TWICE.sub(r"\1", " ".join(printable.split()))
+    if len(line) > LONGEST_NAME:
+        line = _LAST_PART.sub("", line[: LONGEST_NAME + 1]) or line[:LONGEST_NAME]
+    return line.strip()
 
 
 def words(text: str) -> list[str]:

@@ -90,6 +90,9 @@ def refused(entry: dict[str, Any]) -> list[str]:
 @example("I2C CP2102N", "A0", "usb")
 @example("I2C JTAG", "USB with", "usb")
 @example("I2C with X2", "USB with", "usb")
+@example("with CardSwipe", "USB Serial", "usb")
+@example("Lamp", "", "usb")
+@example("Docking Station", "", "usb")
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
     form = SHAPES[shape]
     lines = [
