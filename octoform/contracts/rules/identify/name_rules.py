@@ -35,6 +35,8 @@ _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|un
 # Numbers of a kind's registration, which a name does not consist of.
 _CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
 # Where PROBE says which kinds of input a device sends, no other follows from its class.
+_BOOT = re.compile(r"\bclass 03/01/0[12]\b")
+"""A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
 _INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
 _INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
 # Words of a device's own strings that say a kind of thing in another word.
@@ -136,7 +138,8 @@ def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[
     proper = [word for word in telling if is_proper(word, device["identified_as"])]
     foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
     unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
-    if not (telling or kinds) and ways <= _BARE and not _speaks(probed):
+    bare = ways <= _BARE and not _BOOT.search(str(probed["raw_descriptor"]))
+    if not (telling or kinds) and bare and not _speaks(probed):
         unsaid |= {word for word in spelt if word.casefold() not in _VAGUE} or {*spelt}  # a pipe is no kind of thing
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
 
