@@ -13,7 +13,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
+from octoform.base.shape import fits
 from octoform.contracts.rules.serve.programs import started_blindly, tools_starting
+from octoform.contracts.server_source import Source, read_source
 from octoform.host import SYSROOT_VARIABLE
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
@@ -59,9 +61,10 @@ def missing_programs(layout: Layout, environ: Mapping[str, str]) -> dict[str, li
     """Each program that is missing to the tools that need it, as INTERFACE says of them.
 
     A program that INTERFACE does not name is the server's own choice: the test finds it, and SERVE takes another way.
+    A server or an INTERFACE that was damaged names none: plan and status report the damage.
     """
     text, named = _text(layout, "serve"), _descriptions(layout)
-    needed = tools_starting(text) if text and named else {}
+    needed = tools_starting(text) if named and isinstance(read_source(text), Source) else {}
     out = {}
     for program, tools in sorted(needed.items()):
         meant = [name for name in tools if program in named.get(name, "").replace("`", " ").replace(",", " ").split()]
@@ -97,7 +100,11 @@ def _descriptions(layout: Layout) -> dict[str, str]:
     except ValueError:
         return {}
     tools = document.get("tools", []) if isinstance(document, dict) else []
-    return {tool["name"]: f"{tool['description']} ".replace(". ", " ").replace(".\n", " ") for tool in tools}
+    return {
+        tool["name"]: f"{tool['description']} ".replace(". ", " ").replace(".\n", " ")
+        for tool in (tools if isinstance(tools, list) else ())
+        if fits(tool, {"name": str, "description": str})
+    }
 
 
 def lacks(program: str, environ: Mapping[str, str]) -> bool:
