@@ -29,6 +29,8 @@ OUTPUT_LIMIT = 8_000_000
 """Bytes read of each stream; a report that is longer is not a report."""
 
 SCRIPT = Path(__file__).parent / "scripts" / "fork_server.py"
+FORK_SECONDS = 5.0
+"""In which a fork server that has loaded forks, on a machine under load too."""
 END_SECONDS = 1.0
 """In which a fork server ends once nobody can order anything of it; it holds nothing that would be lost."""
 
@@ -183,7 +185,12 @@ class ForkServer:
                     socket.send_fds(self._orders, [order], [its.fileno(), *streams])
                 except OSError:  # it has ended
                     return None
-            answer, descriptors, _, _ = socket.recv_fds(mine, 64, 1)
+            mine.settimeout(FORK_SECONDS)
+            try:
+                answer, descriptors, _, _ = socket.recv_fds(mine, 64, 1)
+            except TimeoutError:  # a script has stopped it: it is replaced, and forks nothing that is not let begin
+                self._loaded = False
+                return None
             if not descriptors:
                 if answer:
                     raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
@@ -222,7 +229,7 @@ class Forked:
     """A script that runs as a fork of a fork server, in the form of `subprocess.Popen`."""
 
     LOST = 1
-    """The status of one whose server ended before it."""
+    """The status of one whose server ended before it, or was stopped."""
 
     def __init__(self, pid: int, pidfd: int, answers: socket.socket) -> None:
         self.pid = pid
@@ -242,10 +249,12 @@ class Forked:
         """Its status once it has ended; subprocess.TimeoutExpired when it has not in ``timeout`` seconds."""
         if self._status is None:
             started = time.monotonic()
-            self._await(self._answers.fileno(), timeout)
-            told = self._answers.recv(64)
+            ready = self._await([self._answers.fileno(), self._pidfd], timeout)
+            if self._answers.fileno() not in ready:  # it has ended: its server reports that at once, or is stopped
+                ready = select.select([self._answers.fileno()], [], [], END_SECONDS)[0]
+            told = self._answers.recv(64) if ready else b""
             if not told:
-                self._await(self._pidfd, timeout and max(0.0, timeout - (time.monotonic() - started)))
+                self._await([self._pidfd], timeout and max(0.0, timeout - (time.monotonic() - started)))
             self._status = int(told) if told else self.LOST
             self._answers.close()
             os.close(self._pidfd)
@@ -256,9 +265,11 @@ class Forked:
         if self._status is None:
             processes.signal_one(self.pid, self._start)
 
-    def _await(self, descriptor: int, timeout: float | None) -> None:
-        if not select.select([descriptor], [], [], timeout)[0]:
+    def _await(self, descriptors: list[int], timeout: float | None) -> list[int]:
+        ready = select.select(descriptors, [], [], timeout)[0]
+        if not ready:
             raise subprocess.TimeoutExpired([str(self.pid)], timeout or 0.0)
+        return ready
 
 
 def _served(finished: Finished) -> Finished:

@@ -93,6 +93,20 @@ def test_a_script_that_kills_its_server_ends_and_the_next_one_has_another(servin
     assert forked(another, serving.python, tmp_path, "print('well')").stdout == "well\n", "as a program of its own"
 
 
+def test_a_script_that_stops_its_server_holds_nobody_up(
+    serving: Environment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(bounded_program, "FORK_SECONDS", 0.5)
+    server = ForkServer.at(serving.python)
+    stopping = "import os, signal; os.kill(os.getppid(), signal.SIGSTOP); print('done')"
+    done = forked(server, serving.python, tmp_path, stopping)
+    assert (done.status, done.stdout) == (1, "done\n") and done.seconds < 10
+    assert forked(server, serving.python, tmp_path, "print('alone')").stdout == "alone\n"
+    another = ForkServer.at(serving.python)
+    assert another is not server and server._process.poll() is not None
+    assert forked(another, serving.python, tmp_path, "print('well')").stdout == "well\n"
+
+
 def test_an_environment_that_was_built_again_gets_another_server(tmp_path: Path) -> None:
     python = tmp_path / "environment" / "bin" / "python"
 
