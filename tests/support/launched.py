@@ -11,8 +11,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import pytest
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
+from warm import Loaded
 
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.process import record, start_stop
@@ -106,8 +108,10 @@ class Launched:
         start_stop.stop(self.layout)
 
     def start(self) -> None:
-        """Start it (again)."""
-        process, problem = start_stop.start(self.layout)
+        """Start it (again), as a fork of a process that has loaded what it imports."""
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(start_stop, "_Detached", _Forked)
+            process, problem = start_stop.start(self.layout)
         assert process is not None, problem
 
 
@@ -122,6 +126,13 @@ def write(folder: Path, source: str, service: Service, environ: Mapping[str, str
     problems = write_endpoint(layout, environment, service, environ or {})
     assert not problems, problems
     return layout
+
+
+class _Forked(Loaded):
+    """Its process as a fork of one that has loaded what it imports."""
+
+    def python(self, layout: Layout) -> Path:
+        return Path(sys.executable)
 
 
 @contextmanager

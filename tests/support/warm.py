@@ -171,22 +171,29 @@ def _fork_servers(folder: Path) -> list[int]:
     return found
 
 
-class _Loaded(start_stop._Detached):
+class Loaded(start_stop._Detached):
     """The process of an endpoint as a fork of the fork server, where a command has been given one."""
 
     def __init__(self, layout: Layout) -> None:
-        found = recorded_environment(layout)
+        python = self.python(layout)
         served = layout.endpoint / SERVE_SCRIPT
         mark = processes.new(16)
         passed = {name: os.environ[name] for name in start_stop.PASSED if name in os.environ}
         environ = {**passed, MARK: mark, **start_stop.MALLOC}
         with (layout.server_log).open("ab") as log, Path(os.devnull).open("rb") as nothing:
             streams = (nothing.fileno(), log.fileno(), log.fileno())
-            forked = found and ForkServer.at(found.python).fork([str(served)], layout.run, environ, streams, mark)
+            server = ForkServer.at(python) if python else None
+            loaded = server is not None and server.loaded(60)
+            forked = server.fork([str(served)], layout.run, environ, streams, mark) if server and loaded else None
         if forked:
             self.taken, self._process = False, forked  # type: ignore[assignment]  # what is asked of it is the same
         else:
             super().__init__(layout)
+
+    def python(self, layout: Layout) -> Path | None:
+        """The interpreter that serves."""
+        found = recorded_environment(layout)
+        return found.python if found else None
 
 
 def _core() -> Iterator[str]:
@@ -243,7 +250,7 @@ def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
     os.environ.clear()
     os.environ.update(environ)
     if kept:
-        start_stop._Detached = _Loaded  # type: ignore[misc]
+        start_stop._Detached = Loaded  # type: ignore[misc]
     sys.argv = [str(word) for word in argv]
 
 
