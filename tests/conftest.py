@@ -5,6 +5,7 @@ import gc
 import os
 import signal
 from collections.abc import Callable, Generator, Iterator
+from functools import cache
 from importlib.metadata import distributions
 from pathlib import Path
 
@@ -16,7 +17,8 @@ from projects import Project
 from session_folders import remove_session_folders
 
 from octoform.base.files import replace
-from octoform.endpoint.environment.build import GUESS, has_environment, prepare
+from octoform.endpoint.environment.build import GUESS, build, has_environment, prepare
+from octoform.endpoint.environment.lockfile import resolve
 from octoform.state.layout import Layout
 
 
@@ -111,6 +113,36 @@ def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
         fcntl.flock(lock, fcntl.LOCK_EX)
         assert has_environment(layout) or prepare(layout, GUESS)
     return layout.environments
+
+
+@pytest.fixture(scope="session")
+def packaged(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Callable[..., Path]:
+    """``packaged("pyserial")`` is a folder for `Project.share_environments`: that of servers with these packages.
+
+    It is built once for the whole run, so that a project whose server needs more than that of the scripted agent
+    builds nothing and has its endpoint and its checks as forks of a loaded interpreter too. An apply drops what its
+    server does not need: all projects of one folder have the same packages.
+    """
+
+    @cache
+    def folder(*packages: str) -> Path:
+        layout = Layout(run_folder(tmp_path_factory) / "packaged" / "-".join(packages), "bench")
+        layout.environments.mkdir(mode=0o700, parents=True, exist_ok=True)
+        with (layout.project / "lock").open("wb") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not has_environment(layout):
+                locked, found = resolve([*GUESS, *packages], layout.project)
+                assert locked is not None, found
+                donors = [layout.environments / path.name for path in compiled.iterdir() if path.is_dir()]
+                for donor in donors:  # whose bytecode is linked
+                    donor.symlink_to(compiled / donor.name)
+                environment, found = build(layout, locked)
+                for donor in donors:
+                    donor.unlink()
+                assert environment is not None, found
+        return layout.environments
+
+    return folder
 
 
 @pytest.fixture(autouse=True)

@@ -4,6 +4,7 @@ No profile is given. The arm is simulated and counts what arrives; its registers
 """
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,7 @@ SERVER = '''# /// script
 
 import base64
 import json
+from collections.abc import Callable
 import os
 import struct
 
@@ -105,7 +107,9 @@ def outputs(root: Path) -> dict[str, Any]:
     return {"probe": probe, "identify": found, "interface": interface}
 
 
-def test_an_arm_without_a_profile_stands_still_whatever_a_server_would_send(tmp_path: Path, compiled: Path) -> None:
+def test_an_arm_without_a_profile_stands_still_whatever_a_server_would_send(
+    tmp_path: Path, packaged: Callable[..., Path]
+) -> None:
     description = load("reference")
     description["devices"] = {"arm": description["devices"]["arm"]}
     rig = Rig(description, tmp_path / "tree")
@@ -113,7 +117,7 @@ def test_an_arm_without_a_profile_stands_still_whatever_a_server_would_send(tmp_
     try:
         project = Project(tmp_path / "project", tmp_path / "outside")
         project.environ["OCTOFORM_SYSROOT"] = str(tmp_path / "tree")
-        project.take_bytecode(compiled)
+        project.share_environments(packaged("pyserial"))
         said = outputs(tmp_path / "tree")
         project.script = {name: [{"write": json.dumps(output)}] for name, output in said.items()}
         servers = [SERVER.replace("SENDS", text) for text in (*HOSTILE, HONEST)]

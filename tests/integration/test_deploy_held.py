@@ -3,6 +3,7 @@
 import importlib.metadata
 import json
 import tarfile
+from collections.abc import Callable
 from io import BytesIO
 from pathlib import Path
 from typing import Any
@@ -12,6 +13,8 @@ from bench_host import written
 from held import Change, Output, both, refusals
 from projects import Project
 from server_edits import all_of, body, swap
+
+pytestmark = pytest.mark.dear
 
 GOOD = Path(__file__).parents[1] / "agent" / "good"
 
@@ -82,14 +85,14 @@ WRONG: dict[str, tuple[Change, str, str]] = {
 
 
 @pytest.fixture(scope="module")
-def refused(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> dict[str, dict[str, str]]:
+def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> dict[str, dict[str, str]]:
     """The errors of each wrong artifact, by what is wrong."""
     folder = tmp_path_factory.mktemp("deploy-held")
     deploy = json.loads((GOOD / "deploy.json").read_text())
     for item in deploy["requirements"]:
         item["version"] = importlib.metadata.version(item["name"])
     changes = [*(change for change, _, _ in WRONG.values()), lambda _: None]
-    _, errors = refusals(folder, folder / "outside" / "host", "deploy", {}, deploy, changes, compiled)
+    _, errors = refusals(folder, folder / "outside" / "host", "deploy", {}, deploy, changes, packaged())
     return dict(zip(WRONG, errors, strict=True))
 
 
@@ -114,7 +117,7 @@ def unbuildable(folder: Path) -> None:
             archive.addfile(member, BytesIO(text.encode()))
 
 
-def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, compiled: Path) -> None:
+def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, packaged: Callable[..., Path]) -> None:
     earlier, good = written(tmp_path / "host")
     unbuildable(tmp_path / "wheels")
     server = all_of(
@@ -126,7 +129,7 @@ def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, co
     project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
     project.script["serve"] = [{"write": server}]
     project.manifest = {"stages": "{deploy: {harness: builtin}}"}
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("opencv-python-headless"))
     done = project.apply(status=0)
     try:
         assert {"SERVE-DEPENDENCY-FAILED", "DEPLOY-DEPENDENCY-FAILED"} <= set(done.codes())
@@ -142,7 +145,7 @@ def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, co
         project.run("stop", status=0)
 
 
-def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, compiled: Path) -> None:
+def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, packaged: Callable[..., Path]) -> None:
     earlier, good = written(tmp_path / "host")
     for tool in earlier["interface"]["tools"]:
         if tool["name"] == "read_led":
@@ -163,7 +166,7 @@ def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, compil
     project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
     project.script["serve"] = [{"write": server}]
     project.manifest = {"stages": "{deploy: {harness: builtin}}"}
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("opencv-python-headless"))
     done = project.apply(status=0)
     try:
         assert {"INTERFACE-PROGRAM-MISSING", "DEPLOY-PROGRAM-MISSING"} <= set(done.codes())

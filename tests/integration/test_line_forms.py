@@ -6,7 +6,7 @@ counts is which bytes reached that end, and what a client was told.
 
 import json
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -97,7 +97,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("heater")
     tree = plant(HOST, folder / "tree")
     project = Project(folder / "project", folder / "outside", harness="builtin")
@@ -112,7 +112,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
     }
     (project.folder / "profiles").mkdir(parents=True)
     (project.folder / "profiles" / "heater.md").write_text(PROFILE)
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("pyserial"))
     bench.heater.speaks = True  # each tool that reads is called once before the endpoint is accepted
     done = project.apply()
     assert done.status == 0, done.text

@@ -1,7 +1,7 @@
 """A simulated arm whose profile comes with octoform: each screen offers it with its line, and that line is enough."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -17,7 +17,7 @@ LINE = "write `profiles: [so-arm101]` in octopus.yaml to use it"
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Project]:
+def project(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Project]:
     folder = tmp_path_factory.mktemp("arm")
     description = load("reference")
     description["devices"] = {"arm": description["devices"]["arm"]}
@@ -25,7 +25,7 @@ def project(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterato
     rig.start()
     project = Project(folder / "project", folder / "outside", harness="builtin")
     project.environ["OCTOFORM_SYSROOT"] = str(folder / "tree")
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("feetech-servo-sdk"))
     yield project
     project.run("stop")
     rig.stop()

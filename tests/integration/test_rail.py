@@ -8,7 +8,7 @@ import asyncio
 import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,7 +64,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("rail")
     tree = plant(HOST, folder / "tree")
     board = Board(tree, Rail())
@@ -80,7 +80,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
     text = (SHIPPED / "camera-rail.md").read_text()
     assert "timeout: 25s" in text
     (project.folder / "profiles" / "camera-rail.md").write_text(text.replace("timeout: 25s", "timeout: 1s"))
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("pyserial"))
     done = project.apply(status=0)
     yield Bench(project, board, done.out)
     board.unplug()

@@ -5,7 +5,7 @@ nothing and moves the arm is accepted, and nothing calls it before a person or t
 """
 
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -219,7 +219,9 @@ def test_a_tool_and_a_server_say_no_more(tmp_path: Path, bench: Bench) -> None:
     assert len(errors) == len(WRITTEN) and all("SERVE-LINE-WRITTEN" in each for each in errors), errors
 
 
-def test_what_hides_that_it_moves_is_served_and_called_by_nobody(tmp_path: Path, bench: Bench, compiled: Path) -> None:
+def test_what_hides_that_it_moves_is_served_and_called_by_nobody(
+    tmp_path: Path, bench: Bench, packaged: Callable[..., Path]
+) -> None:
     before = bench.moved()
     project = Project(tmp_path / "project", tmp_path / "outside")
     project.environ["OCTOFORM_SYSROOT"] = str(bench.host)
@@ -227,7 +229,7 @@ def test_what_hides_that_it_moves_is_served_and_called_by_nobody(tmp_path: Path,
     project.script = {name: [{"write": json.dumps(value)}] for name, value in outputs.items()}
     project.script["serve"] = [{"write": HIDDEN}]
     project.manifest = {"stages": "{deploy: {harness: builtin}}"}
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("pyserial"))
     done = project.apply(status=0)
     assert done.codes().count("ENDPOINT-LINE-NOT-TRIED") == 1, done.text
     calls = json.loads((project.local / "endpoint" / "check.json").read_text())["calls"]

@@ -6,7 +6,7 @@ One live endpoint for the whole file. What counts is what the simulated firmware
 import asyncio
 import base64
 import json
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +64,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("rig")
     description = load("reference")
     for name, changes in {"arm": {"speedup": 8}, "rail": {"speedup": 8}, "camera": SIZE}.items():
@@ -81,7 +81,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
     (project.folder / "profiles").mkdir(parents=True)
     for name in ("so-arm101.md", "camera-rail.md"):
         (project.folder / "profiles" / name).write_text((TOP / "profiles" / name).read_text())
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("feetech-servo-sdk", "opencv-python-headless"))
     project.apply(status=0)
     yield Bench(project, rig)
     project.run("stop")

@@ -6,6 +6,7 @@ And of one that writes right things in other words: context managers, models, cl
 import ast
 import re
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
@@ -15,6 +16,10 @@ from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of,
 
 from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.serve.serve_rules import serve_static
+
+pytestmark = pytest.mark.dear
+
+CAMERAS, SERIAL = "opencv-python-headless", "pyserial"
 
 # what is wrong -> (edit, code, words of the finding)
 WRONG: dict[str, tuple[Edit, str, str]] = {
@@ -622,13 +627,13 @@ IMPORTS = uses("contextlib", "logging", "os", "serial", "subprocess", "tempfile"
 
 
 @pytest.fixture(scope="module")
-def refused(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> dict[str, dict[str, str]]:
+def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> dict[str, dict[str, str]]:
     """The errors of each wrong server, by what is wrong."""
     folder = tmp_path_factory.mktemp("serve-held")
     earlier, good = written(folder / "host")
     edits = [*(edit for edit, _, _ in WRONG.values()), all_of()]
     known = Artifacts(interface=earlier["interface"])
-    _, errors = refusals(folder, folder / "host", "serve", earlier, good, edits, compiled, lambda _: known)
+    _, errors = refusals(folder, folder / "host", "serve", earlier, good, edits, packaged(CAMERAS), lambda _: known)
     return dict(zip(WRONG, errors, strict=True))
 
 
@@ -638,12 +643,14 @@ def test_a_wrong_server_is_refused_with_the_cure(refused: dict[str, dict[str, st
     assert list(refused[case]) == [code] and said in refused[case][code], refused[case]
 
 
-def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, compiled: Path) -> None:
+def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Callable[..., Path]) -> None:
     earlier, good = written(tmp_path / "host")
     ways = [swap("    return readings(device, ", "    return readings(device, ")]
     ways += [reading_by(name, number) for number, name in enumerate(RIGHT)]
     server = all_of(IMPORTS, *ways, *RESULTS.values())(good)
-    project, errors = refusals(tmp_path, tmp_path / "host", "serve", earlier, server, [all_of()], compiled)
+    project, errors = refusals(
+        tmp_path, tmp_path / "host", "serve", earlier, server, [all_of()], packaged(CAMERAS, SERIAL)
+    )
     assert errors == [] and (project.state / "serve" / "server.py").read_text() == server
 
 

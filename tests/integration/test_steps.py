@@ -5,7 +5,7 @@ One live endpoint for all tests of the file, which leave it in sync. What counts
 
 import json
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -77,7 +77,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("steps")
     description = load("reference")
     description["devices"] = {"arm": {**description["devices"]["arm"], "speedup": 8}}
@@ -98,7 +98,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
             assert "\n---\n" in text[4:]
             text = text.replace("\n---\n", f"\nrig: {{disabled: {json.dumps(STILL)}}}\n---\n", 1)
         (project.folder / "profiles" / f"{name}.md").write_text(text)
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("feetech-servo-sdk"))
     bench = Bench(project, rig)
     done = bench.steps("arm", "rail")
     assert done.status == 0, done.text

@@ -3,7 +3,7 @@
 import itertools
 import json
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -106,7 +106,7 @@ def errors(done: Done) -> list[dict[str, str]]:
 
 
 def test_what_a_trial_finds_untrue_goes_back_to_serve(
-    tmp_path: Path, moving: tuple[Path, Output, str], compiled: Path
+    tmp_path: Path, moving: tuple[Path, Output, str], packaged: Callable[..., Path]
 ) -> None:
     root, earlier, good = moving
     project = Project(tmp_path / "project", tmp_path / "outside")
@@ -116,7 +116,7 @@ def test_what_a_trial_finds_untrue_goes_back_to_serve(
     project.script["serve"] = [{"write": LIED(good)}]
     project.script["serve:told"] = [{"write": FROZEN(good)}, {"write": good}]
     project.manifest = {"stages": "{deploy: {harness: builtin}}"}
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("opencv-python-headless"))
     lied, frozen = errors(project.apply("-target", "deploy", status=0))
     assert lied.keys() == FOUND.keys(), lied
     for code, words in FOUND.items():

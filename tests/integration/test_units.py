@@ -4,7 +4,7 @@ import asyncio
 import json
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,8 @@ from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.engine.unattended.heal import heal
 from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
+
+pytestmark = pytest.mark.dear
 
 TOP = Path(__file__).parents[2]
 ARM, ELBOW = "usb-1a86-55d3", "elbow_flex"
@@ -63,7 +65,7 @@ class Bench:
 
 
 @pytest.fixture(scope="module")
-def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[Bench]:
+def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("units")
     description = load("reference")
     description["devices"]["arm"] |= {"speedup": 20}
@@ -74,7 +76,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterator[
     project.manifest = {"profiles": "[profiles/so-arm101.md]"}
     (project.folder / "profiles").mkdir(parents=True)
     (project.folder / "profiles" / "so-arm101.md").write_text((TOP / "profiles" / "so-arm101.md").read_text())
-    project.take_bytecode(compiled)
+    project.share_environments(packaged("feetech-servo-sdk", "opencv-python-headless"))
     project.apply(status=0)
     yield Bench(project, rig)
     project.run("stop")

@@ -39,24 +39,24 @@ def refusals(
     earlier: Mapping[str, Output],
     good: Output | str,
     changes: Sequence[Change] | Sequence[Edit],
-    compiled: Path | None = None,
+    environments: Path | None = None,
     known: Known | None = None,
 ) -> tuple[Project, list[dict[str, str]]]:
     """The errors of each output but the last, which must be accepted: code to the whole diagnostic as text.
 
     ``earlier`` are the outputs of the stages before; each output is ``good`` after one of the ``changes``, which
-    make another text of a text. ``compiled`` is the fixture of that name, for stages that build some. ``known`` is what
+    make another text of a text. ``environments`` is for `Project.share_environments`. ``known`` is what
     the contract is given with an output; without it an agent is run for every one.
     """
     if known is None:
-        return _run(folder, host, stage, earlier, good, changes, compiled)
+        return _run(folder, host, stage, earlier, good, changes, environments)
     found = [_by_contract(stage, _written(good, change), known) for change in changes]
     assert not found[-1], found[-1]
     refused = [place for place, errors in enumerate(found) if errors]
     assert len(refused) >= ALSO_RUN
     also = {refused[number * (len(refused) - 1) // (ALSO_RUN - 1)] for number in range(ALSO_RUN)}
     tried = [place for place, errors in enumerate(found[:-1]) if not errors or place in also]
-    project, ran = _run(folder, host, stage, earlier, good, [changes[place] for place in [*tried, -1]], compiled)
+    project, ran = _run(folder, host, stage, earlier, good, [changes[place] for place in [*tried, -1]], environments)
     for place, errors in zip(tried, ran, strict=True):
         assert place not in also or errors.keys() == found[place].keys(), "the run says something else"
         found[place] = errors
@@ -102,13 +102,13 @@ def _run(
     earlier: Mapping[str, Output],
     good: Output | str,
     changes: Sequence[Any],
-    compiled: Path | None,
+    environments: Path | None,
 ) -> tuple[Project, list[dict[str, str]]]:
     """The same, each from an attempt of its own."""
     project = Project(folder / "project", folder / "outside")
     project.environ["OCTOFORM_SYSROOT"] = str(host)
-    if compiled is not None:
-        project.take_bytecode(compiled)
+    if environments is not None:
+        project.share_environments(environments)
     errors: list[list[Output]] = []
     for first in range(0, len(changes), MOST_ATTEMPTS):
         part = changes[first : first + MOST_ATTEMPTS]
