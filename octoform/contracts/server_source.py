@@ -25,13 +25,14 @@ def walk(node: ast.AST) -> tuple[ast.AST, ...]:
     if found is None:
         queue = [node]
         for item in queue:
-            queue.extend(_children(item))
+            queue.extend(children(item))
         found = tuple(queue)
         setattr(node, _BELOW, found)
     return found
 
 
-def _children(node: ast.AST) -> tuple[ast.AST, ...]:
+def children(node: ast.AST) -> tuple[ast.AST, ...]:
+    """The nodes right below a node, kept with it."""
     found: tuple[ast.AST, ...] | None = getattr(node, _CHILDREN, None)
     if found is None:
         found = tuple(ast.iter_child_nodes(node))
@@ -54,6 +55,16 @@ class Source:
 
     def dotted(self, node: ast.AST | None) -> str:
         """``cv2.VideoCapture`` for a name or attribute chain, imports resolved; ``()`` marks a call inside it."""
+        found = self._dotted.get(node)
+        if found is None:
+            found = self._dotted[node] = self._spelled(node)
+        return found
+
+    @cached_property
+    def _dotted(self) -> dict[ast.AST | None, str]:
+        return {}
+
+    def _spelled(self, node: ast.AST | None) -> str:
         if isinstance(node, ast.Name):
             return self.names.get(node.id, node.id)
         if isinstance(node, ast.Attribute):
@@ -191,13 +202,13 @@ def read_source(text: str) -> Source | Diagnostic:
     """The parsed file, or the reason why it is no Python."""
     try:
         tree = ast.parse(text)
-        compile(text, "server.py", "exec", dont_inherit=True)
+        compile(tree, "server.py", "exec", dont_inherit=True)
     except SyntaxError as problem:
         return _no_python(text, problem)
     except (ValueError, RecursionError, MemoryError) as problem:
         summary = f"the server is no Python that can be compiled: {str(problem) or type(problem).__name__}"
         return error("SERVE-SYNTAX", summary, hint="write plain Python text")
-    parents = {child: node for node in walk(tree) for child in _children(node)}
+    parents = {child: node for node in walk(tree) for child in children(node)}
     return Source(text, tuple(text.splitlines()), tree, dict(_imported(tree)), parents)
 
 

@@ -192,8 +192,8 @@ def ends_process(value: str, _: Artifacts) -> list[Diagnostic]:
     used = source.entered_from(item for site in tool_sites(source) for item in tool_functions(source, site))
     hint = "raise ToolError with one sentence: the call fails, and the server goes on"
     out = []
-    for node in source.nodes:
-        called = node.func if isinstance(node, ast.Call) else node.exc if isinstance(node, ast.Raise) else None
+    for node in (each for each in source.nodes if isinstance(each, (ast.Call, ast.Raise))):
+        called = node.func if isinstance(node, ast.Call) else node.exc
         name = source.dotted(called).removesuffix("()")
         own = name == "os.kill" and isinstance(node, ast.Call) and "os.getpid" in ast.unparse(node)
         ends = name in (_ENDING if isinstance(node, ast.Raise) else _ENDS)

@@ -7,8 +7,7 @@ wrong one: only of what certainly does not depend on a device that is stated.
 
 import ast
 from collections.abc import Iterable, Iterator
-from functools import lru_cache, reduce
-from operator import or_
+from functools import lru_cache
 
 from octoform.contracts.rules.serve.origins import (
     CHANCE,
@@ -34,7 +33,10 @@ from octoform.contracts.rules.serve.origins import (
     last,
     touches,
 )
-from octoform.contracts.server_source import Function, Source, walk
+from octoform.contracts.server_source import Function, Source, children, walk
+
+_COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.GeneratorExp, ast.DictComp)
+_MATCHED = (ast.MatchAs, ast.MatchStar, ast.MatchMapping)
 
 
 @lru_cache(maxsize=4)
@@ -155,13 +157,16 @@ class Flow(Deciding):
             sides = (node.left, node.right)
             nothing = any(isinstance(item, ast.Constant) and item.value == 0 for item in sides)
             return Origin.NONE if nothing else self._any(sides)
-        if isinstance(node, ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp):
+        if isinstance(node, _COMPREHENSIONS):
             parts = [node.key, node.value] if isinstance(node, ast.DictComp) else [node.elt]
             return self._any([*parts, *(each for one in node.generators for each in (one.iter, *one.ifs))])
-        return self._any(item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr | ast.FormattedValue))
+        return self._any([item for item in children(node) if isinstance(item, ast.expr)])
 
     def _any(self, nodes: Iterable[ast.AST | None]) -> Origin:
-        return reduce(or_, (self.of(item) for item in nodes), Origin.NONE)
+        found = Origin.NONE
+        for item in nodes:
+            found |= self.of(item)
+        return found
 
     def _name(self, node: ast.Name) -> Origin:
         inner = self._inner(node)
@@ -198,7 +203,7 @@ class Flow(Deciding):
 
     def _binder_of(self, node: ast.Name) -> ast.comprehension | ast.Lambda | None:
         for above, _ in self._source.above(node):
-            if isinstance(above, ast.ListComp | ast.SetComp | ast.GeneratorExp | ast.DictComp):
+            if isinstance(above, _COMPREHENSIONS):
                 for one in above.generators:
                     if node.id in {item.id for item in walk(one.target) if isinstance(item, ast.Name)}:
                         return one
@@ -219,7 +224,7 @@ class Flow(Deciding):
         value = binding.value
         if isinstance(value, ast.ExceptHandler):
             return Origin.READ
-        if isinstance(value, ast.MatchAs | ast.MatchStar | ast.MatchMapping):
+        if isinstance(value, _MATCHED):
             above = self._source.parents.get(value)
             while above is not None and not isinstance(above, ast.Match):
                 above = self._source.parents.get(above)

@@ -173,6 +173,10 @@ def is_registered(source: Source, node: ast.AST) -> bool:
     return name.endswith((".tool", ".add_tool")) or (name.startswith("runtime.") and name.endswith(".logged"))
 
 
+_TESTED, _REPEATED = (ast.If, ast.While), (ast.For, ast.AsyncFor)
+_ANNOTATED, _SCOPED = (ast.AnnAssign, ast.AugAssign), (ast.With, ast.AsyncWith)
+
+
 class Deciding(ABC):
     """What decides whether a statement of a file runs, of what was read."""
 
@@ -208,9 +212,9 @@ class Deciding(ABC):
 
     def _around(self, node: ast.AST) -> Iterator[ast.expr]:
         for above, below in self._source.above(node):
-            if isinstance(above, ast.If | ast.While) and below is not above.test:
+            if isinstance(above, _TESTED) and below is not above.test:
                 yield above.test
-            elif isinstance(above, ast.For | ast.AsyncFor) and below is not above.iter:
+            elif isinstance(above, _REPEATED) and below is not above.iter:
                 yield above.iter
             elif isinstance(above, ast.Match) and below is not above.subject:
                 yield above.subject
@@ -234,6 +238,8 @@ Place = tuple[int, int]
 _LOOPS = (ast.For, ast.AsyncFor, ast.While)
 _ASKS = frozenset({"get", "index", "count", "format", "join", "split", "startswith", "endswith", "encode", "replace"})
 """Methods that leave what they belong to as it is."""
+_BINDING = (*(ast.Assign, ast.NamedExpr, ast.ClassDef, ast.Call), *_ANNOTATED, *_REPEATED, *_SCOPED)
+_BINDING += (ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping)
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
@@ -274,13 +280,14 @@ class Bindings:
             if isinstance(item, ast.Global | ast.Nonlocal)
             for name in item.names
         }
-        found = [(source.owner(item), name, each) for item in source.nodes for name, each in _bound(item)]
+        binding = [item for item in source.nodes if isinstance(item, _BINDING)]
+        found = [(source.owner(item), name, each) for item in binding for name, each in _bound(item)]
         local = {(owner, name) for owner, name, each in found if each.whole} - shared
         for owner, name, each in found:
             own = owner is None or (owner, name) in local or name in self._parameters[owner]
             home = owner if own else self._home(owner, name, local)
             self._of[home][name].append(each)
-        for item in source.nodes:
+        for item in binding:
             self._add_attributes(item)
 
     def of(self, scope: Function | None, name: str) -> list[Binding]:
@@ -392,13 +399,13 @@ def _pairs(node: ast.AST) -> Iterator[tuple[ast.expr, ast.expr]]:
     """(target, value) of each binding of a statement."""
     if isinstance(node, ast.Assign):
         yield from ((target, node.value) for target in node.targets)
-    elif isinstance(node, ast.AnnAssign | ast.AugAssign) and node.value is not None:
+    elif isinstance(node, _ANNOTATED) and node.value is not None:
         yield node.target, node.value
-    elif isinstance(node, ast.For | ast.AsyncFor):
+    elif isinstance(node, _REPEATED):
         yield node.target, node.iter
     elif isinstance(node, ast.NamedExpr):
         yield node.target, node.value
-    elif isinstance(node, ast.With | ast.AsyncWith):
+    elif isinstance(node, _SCOPED):
         yield from ((item.optional_vars, item.context_expr) for item in node.items if item.optional_vars is not None)
 
 

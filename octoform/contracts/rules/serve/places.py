@@ -23,6 +23,7 @@ _PATH_TESTS = frozenset(
     {"startswith", "removeprefix", "endswith", "is_relative_to", "relative_to", "match", "fullmatch"}
 )
 _DEPTH = 6
+_TEXTS = (ast.Constant, ast.BinOp, ast.JoinedStr, ast.Call)
 _BY_NUMBER = frozenset({"VideoCapture", "SMBus", "SpiDev", "I2C", "SPI", "Picamera2"})
 
 
@@ -30,7 +31,7 @@ def literal_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
     """Where a place is written down, each with what is wrong with it."""
     told: set[ast.AST] = set()
     for node in source.nodes:
-        if not isinstance(node, ast.Constant | ast.BinOp | ast.JoinedStr | ast.Call) or told & _upwards(source, node):
+        if not isinstance(node, _TEXTS) or (told and told & _upwards(source, node)):
             continue
         text = folded(source, flow, node)
         if text is not None and _is_place(source, node, text):

@@ -6,6 +6,7 @@ A number that the file's author made up looks like a reading to anyone who recei
 import ast
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 from typing import Any
 
 from octoform.base.escaping import shown
@@ -48,7 +49,7 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     read = {name: unit for _, tool in served for name, unit in _numbers(tool.get("output_schema") or {})}
     kept, substitutes, out = Kept(source, flow), _Substitutes(source, flow), []
     for node in (each for each in source.nodes if source.owner(each) in used):
-        for name, each in _members(source, node):
+        for name, each in _stored(source).get(node, ()):
             if name in read and kept.holds(each) and is_measured(node, name, [read[name]], frozenset()):
                 why = f"a {shown(name)} of an earlier call replaces a reading"
                 out.append(source.problem("SERVE-DEFAULT-READING", each, why, _AGAIN))
@@ -61,7 +62,7 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """No number that INTERFACE declares as read is written in the file, computed of such, or drawn."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
-    stored = [(node, name, each) for node in source.nodes for name, each in _members(source, node)]
+    stored = [(node, name, each) for node, members in _stored(source).items() for name, each in members]
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
@@ -144,6 +145,13 @@ def _numbers(schema: Any) -> Iterator[tuple[str, str | None]]:
                     yield name, unit_of_name(name) or unit_in(member.get("description"))
         for item in schema.values():
             yield from _numbers(item)
+
+
+@lru_cache(maxsize=4)
+def _stored(source: Source) -> dict[ast.AST, list[tuple[str, ast.expr]]]:
+    """The members of each record of a file, by the node that makes or changes it."""
+    kinds = (ast.Call, ast.Dict, ast.Assign)
+    return {node: list(_members(source, node)) for node in source.nodes if isinstance(node, kinds)}
 
 
 def _members(source: Source, node: ast.AST) -> Iterator[tuple[str, ast.expr]]:
