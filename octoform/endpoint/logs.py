@@ -8,15 +8,15 @@ too, before anything else sees them.
 import os
 import re
 import time
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO, Any
 
 from octoform.base import clock
-from octoform.base.files import parse, read, stream
-from octoform.endpoint.access.tokens import VALUES
+from octoform.base.files import parse, stream
+from octoform.endpoint.access.tokens import kept_values
 from octoform.redaction import Redactor
 from octoform.state.layout import Layout
 
@@ -157,20 +157,8 @@ class Logs:
 
 def logs_of(layout: Layout) -> Logs:
     """The logs of a host, read from near their ends; the values of its tokens are taken out."""
-    secrets = dict(_tokens(layout))
+    secrets = {f"token {name}": value for name, value in kept_values(layout).items()}
     return Logs((Tail(layout.call_log, CALLS, secrets), Tail(layout.server_log, SERVER, secrets)))
-
-
-def _tokens(layout: Layout) -> Iterator[tuple[str, str]]:
-    """The values of the tokens that can be read, each under what is shown in its place."""
-    folder = layout.run / VALUES
-    for path in sorted(folder.glob("*")) if folder.is_dir() else ():
-        try:
-            value = read(path, 4096).decode().strip()
-        except (OSError, ValueError):
-            continue
-        if value:
-            yield f"token {path.name}", value
 
 
 # The call log that the launcher injects, read from a mark on.

@@ -9,7 +9,6 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from octoform.base import files
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint.access import tokens
 from octoform.endpoint.access import tunnel as external_address
@@ -95,7 +94,7 @@ def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
     urls = [url] if url else []
     urls += [external_address.through(tunnel, url)] if url and tunnel and tunnel.running else []
     server = Server(_name(layout), tuple(client_command(layout)), url)
-    reach = Reach(external_address.networked(layout), tuple(urls), tuple(_tokens(layout).values()))
+    reach = Reach(external_address.networked(layout), tuple(urls), tuple(tokens.kept_values(layout).values()))
     around = _around(environ)
     return tuple(
         client_install.look(formats.of(client, server.name), around, server, reach) for client in CLIENTS.values()
@@ -225,17 +224,8 @@ def _no_http(reason: str) -> Diagnostic:
 
 def _token(layout: Layout) -> str | None:
     """The value of the token that octoform made itself, or of the only one."""
-    values = _tokens(layout)
+    values = tokens.kept_values(layout)
     return values.get(tokens.DEFAULT) or (next(iter(values.values())) if len(values) == 1 else None)
-
-
-def _tokens(layout: Layout) -> dict[str, str]:
-    """The values of the tokens that can be read, by name."""
-    folder = tokens.path_of(layout, tokens.DEFAULT).parent
-    try:
-        return {path.name: files.read(path).decode("ascii").strip() for path in folder.iterdir() if path.is_file()}
-    except (OSError, ValueError):
-        return {}
 
 
 def _outward(layout: Layout, server: Server) -> tuple[Server, tuple[str, ...]]:

@@ -125,14 +125,26 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
     tokens, found = listed(layout)
     if found or all(token.name != name for token in tokens):
         return None, found or [_unknown(name, tokens)]
+    reason = "this is not the value that was made for it"
     try:
-        return files.read(path_of(layout, name), MOST_VALUE_BYTES, follow=False).decode("ascii").strip(), []
+        value = files.read(path_of(layout, name), MOST_VALUE_BYTES, follow=False).strip()
     except (OSError, ValueError) as problem:
-        hint = f"octoform token rotate {name} gives it a new one"
-        text = f"the value of the token {name!r} cannot be read"
-        return None, [
-            error("TOKEN-VALUE-GONE", text, detail=_reason(problem), path=str(path_of(layout, name)), hint=hint)
-        ]
+        value, reason = b"", _reason(problem)
+    if any(token.name == name and token.sha256 == hashlib.sha256(value).hexdigest() for token in tokens):
+        return value.decode(), []
+    hint = f"octoform token rotate {name} gives it a new one"
+    text = f"the value of the token {name!r} cannot be read"
+    return None, [error("TOKEN-VALUE-GONE", text, detail=reason, path=str(path_of(layout, name)), hint=hint)]
+
+
+def kept_values(layout: Layout) -> dict[str, str]:
+    """What stands in the files of values, by name, as far as it can be read: to be found in a text, not to be shown."""
+    found = {}
+    folder = layout.run / VALUES
+    for path in sorted(folder.glob("*")) if folder.is_dir() else ():
+        with contextlib.suppress(OSError, ValueError):
+            found[path.name] = files.read(path, MOST_VALUE_BYTES, follow=False).decode().strip()
+    return {name: value for name, value in found.items() if value}
 
 
 @contextlib.contextmanager

@@ -256,6 +256,17 @@ def test_lost_value_is_told(layout: Layout) -> None:
     assert [item.code for item in problems] == ["TOKEN-VALUE-GONE"]
 
 
+@pytest.mark.parametrize("spoils", [b"octoform_\xc7abc", b"", b"octoform_another"])
+def test_value_that_opens_nothing_is_not_shown(layout: Layout, spoils: bytes) -> None:
+    made(layout, "laptop")
+    made(layout, "phone")
+    tokens.path_of(layout, "laptop").write_bytes(spoils)
+    value, problems = tokens.value_of(layout, "laptop")
+    assert value is None and [item.code for item in problems] == ["TOKEN-VALUE-GONE"]
+    assert "codec" not in str(problems[0].detail) and "rotate laptop" in str(problems[0].hint)
+    assert tokens.value_of(layout, "phone")[0] == tokens.kept_values(layout)["phone"]
+
+
 def test_changes_at_once_lose_none(layout: Layout) -> None:
     threads = [threading.Thread(target=made, args=(layout, f"t{number}")) for number in range(12)]
     for thread in threads:
