@@ -238,8 +238,10 @@ Place = tuple[int, int]
 _LOOPS = (ast.For, ast.AsyncFor, ast.While)
 _ASKS = frozenset({"get", "index", "count", "format", "join", "split", "startswith", "endswith", "encode", "replace"})
 """Methods that leave what they belong to as it is."""
-_BINDING = (*(ast.Assign, ast.NamedExpr, ast.ClassDef, ast.Call), *_ANNOTATED, *_REPEATED, *_SCOPED)
-_BINDING += (ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping)
+_BINDING = (
+    *(ast.Assign, ast.NamedExpr, ast.ClassDef, ast.Call, *_ANNOTATED, *_REPEATED, *_SCOPED),
+    *(ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping),
+)
 _BLOCKS = ("body", "orelse", "finalbody", "handlers", "cases")
 
 
