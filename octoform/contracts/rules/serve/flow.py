@@ -72,6 +72,8 @@ class Flow(Deciding):
         self._known: dict[ast.AST, Origin] = {}
         self._seen: dict[ast.AST, Origin] = {}
         self._going: set[ast.AST] = set()
+        self._open: set[ast.AST] = set()
+        self._met = 0
         self._deciding = {}
         self._results: dict[Function, list[ast.expr]] = {}
         self._binders: dict[ast.Name, ast.comprehension | ast.Lambda | None] = {}
@@ -81,13 +83,19 @@ class Flow(Deciding):
         """What the value of an expression depends on."""
         if node is None:
             return Origin.NONE
-        if node in self._seen:
-            return self._seen[node]
+        seen = self._seen.get(node)
+        if seen is not None:
+            self._met += node in self._open
+            return seen
         if node in self._going:
+            self._met += 1
             return self._known.get(node, Origin.NONE)
         self._going.add(node)
+        met = self._met
         found = self._origin(node) | self._known.get(node, Origin.NONE)
         self._going.discard(node)
+        if self._met != met:
+            self._open.add(node)
         self._seen[node] = found
         return found
 
@@ -131,14 +139,18 @@ class Flow(Deciding):
         return (item for item in walk(function) if self._source.owner(item) is function)
 
     def _settle(self) -> None:
+        """Round by round, until nothing changes; only what depends on itself (`_open`) takes more than one."""
         values = [item for item in self._source.nodes if isinstance(item, ast.expr)]
         for _ in range(ROUNDS):
             for item in values:
                 self.of(item)
             changed = self._seen != self._known
-            self._known, self._seen = self._seen, {}
+            self._known = self._seen
             if not changed:
                 break
+            values = [item for item in values if item in self._open]
+            self._seen = {node: found for node, found in self._known.items() if node not in self._open}
+            self._open = set()
         self._seen = self._known
 
     def _origin(self, node: ast.AST) -> Origin:
