@@ -63,13 +63,22 @@ SLOTS = (
 """Where text of a device stands in the invented laptop; the value is what follows the last of these marks."""
 
 
-def laptop_named(hostile: Hostile) -> dict[str, str]:
-    """What to replace in the laptop's text so that everything in it carries the string."""
+LAPTOPS = -(-len(STRINGS) // 3)
+
+
+def laptop_named(*hostile: Hostile) -> dict[str, str]:
+    """What to replace in the laptop's text so that everything in it carries one of the strings, in turns."""
     changed = {}
-    for slot in SLOTS:
+    for number, slot in enumerate(SLOTS):
         mark = next(mark for mark in ("=", " - ", " : ", "| ", "     ") if mark in slot)
         head, _, _ = slot.partition(mark)
-        changed[slot + "\n" if mark in ("=", "| ") else slot] = f"{head}{mark}{hostile.planted}" + (
-            "\n" if mark in ("=", "| ") else ""
-        )
+        end = "\n" if mark in ("=", "| ") else ""
+        changed[f"{slot}{end}"] = f"{head}{mark}{hostile[number % len(hostile)].planted}{end}"
     return changed
+
+
+def of_laptop(number: int) -> list[Hostile]:
+    """Three strings for one laptop, each of another kind where there is one; which of them comes first goes round."""
+    found = list(STRINGS[number::LAPTOPS])
+    turn = number % len(found)
+    return found[turn:] + found[:turn]

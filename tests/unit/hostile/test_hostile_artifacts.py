@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hostile_strings import STRINGS, Hostile, laptop_named
+from hostile_strings import LAPTOPS, STRINGS, Hostile, laptop_named, of_laptop
 
 from octoform.base.escaping import is_hidden
 from octoform.base.id_databases import IdDatabases
@@ -69,9 +69,15 @@ def test_the_text_of_a_device_reaches_the_artifacts(planted: Callable[..., Path]
     assert len(declared["tools"]) > 5
 
 
-@pytest.mark.parametrize("hostile", STRINGS, ids=lambda item: item.name)
-def test_a_laptop_of_that_name_is_onboarded(hostile: Hostile, planted: Callable[..., Path]) -> None:
-    probed, known, declared = artifacts(planted("laptop", laptop_named(hostile)))
+def test_each_string_is_of_one_laptop() -> None:
+    laptops = [of_laptop(number) for number in range(LAPTOPS)]
+    assert sorted(item.name for named in laptops for item in named) == sorted(item.name for item in STRINGS)
+    assert all(1 <= len(named) <= 3 for named in laptops)
+
+
+@pytest.mark.parametrize("number", range(LAPTOPS), ids=lambda number: "+".join(item.name for item in of_laptop(number)))
+def test_a_laptop_of_these_names_is_onboarded(number: int, planted: Callable[..., Path]) -> None:
+    probed, known, declared = artifacts(planted("laptop", laptop_named(*of_laptop(number))))
     before: dict[str, Any] = {}
     for stage, value in (("probe", probed), ("identify", known), ("interface", declared)):
         data = json.dumps(value, ensure_ascii=False).encode()
