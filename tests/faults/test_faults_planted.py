@@ -147,11 +147,13 @@ def tree(*folders: Path) -> dict[str, tuple[int, bytes]]:
 class Attacked:
     """A project in a repository, a home, and a mark that is there once a planted program has run."""
 
-    def __init__(self, project: Project, home: Path, prefix: Sequence[str] = ()) -> None:
+    def __init__(self, project: Project, home: Path, user: Sequence[str] = ()) -> None:
         self.project, self.home, self.mark = project, home, home.parent / "ran"
         home.mkdir(exist_ok=True)
         project.environ = {"HOME": str(home), "PATH": f"{home}/bin:{os.environ['PATH']}"}
-        project.prefix = list(prefix)
+        if not user:  # the packages that are here already, and no network
+            project.environ["UV_CACHE_DIR"] = os.environ.get("UV_CACHE_DIR", str(Path("~/.cache/uv").expanduser()))
+        project.user = list(user)
         project.write()
         # What many people keep in a repository of their own, and where variables lead.
         (home / "dotfiles" / "skills" / "arm").mkdir(parents=True)
@@ -245,40 +247,6 @@ RIGHTS = {
 }
 
 
-def reopened(attacked: Attacked) -> None:
-    """Whoever may write a folder may replace what is in it, and what is closed hides a change."""
-    project = attacked.project
-    project.apply("-target", "probe", status=0)
-    places = [project.folder / attacked.words(name) for name in RIGHTS]
-    before = [place.stat().st_mode for place in places]
-    planted = f"echo planted > {project.folder}/.git/hooks/pre-push; "
-    acts = "; ".join(attacked.words(text) for text in RIGHTS.values())
-    project.script = {"probe": [{"shell": planted + acts}, "good"]}
-    project.apply("-replace", "probe", "-target", "probe", status=0)
-    assert refused_paths(attacked, -2) >= {attacked.words(name) for name in (*RIGHTS, ".git/hooks/pre-push")}
-    assert [place.stat().st_mode for place in places] == before
-    assert not (project.folder / ".git" / "hooks" / "pre-push").exists()
-
-
-def test_folders_that_an_agent_opens_to_all_or_closes_are_as_they_were(attacked: Attacked) -> None:
-    reopened(attacked)
-
-
-@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
-def test_folders_are_as_they_were_for_an_ordinary_user(user: User) -> None:
-    reopened(of_user(user))
-
-
-@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give files away")
-def test_a_file_that_an_agent_gives_away_is_its_owners_again(attacked: Attacked) -> None:
-    project = attacked.project
-    project.script = {"probe": [{"shell": f"chown 61234:61234 {project.folder}/octopus.yaml"}, "good"]}
-    project.apply("-target", "probe", status=0)
-    assert "octopus.yaml" in refused_paths(attacked, 0)
-    facts = (project.folder / "octopus.yaml").stat()
-    assert (facts.st_uid, facts.st_gid) == (os.geteuid(), os.getegid())
-
-
 NEST = "import os; os.makedirs('{0}', exist_ok=True); os.chdir('{0}'); "
 NEST += "[(os.mkdir('d'), os.chdir('d')) for _ in range(1500)]; open('x.md', 'w').close()"
 NESTS = (
@@ -357,43 +325,67 @@ def test_a_program_that_an_agent_leaves_in_a_relative_folder_of_path_is_never_ca
     assert not attacked.mark.exists()
 
 
-def test_a_name_that_is_no_text_is_told_and_taken_away(attacked: Attacked) -> None:
-    project = attacked.project
-    odd = r"$(printf 'x\377\033[31m\342\200\256.md')"
-    plant = f'touch "{odd}"; mkdir -p {project.folder}/protocol; echo planted > "{project.folder}/protocol/{odd}"'
-    project.script = {"probe": [{"shell": plant}, "good"]}
-    done = project.apply("-target", "probe", status=0)
-    assert any(path.startswith("protocol/x\\xff") for path in refused_paths(attacked, 0)) and "\x1b" not in done.text
-    assert not (project.folder / "protocol").exists()
-
-
-def test_the_steps_of_a_rebase_that_an_agent_begins_are_told(attacked: Attacked) -> None:
-    """`git rebase --continue` would run them; a person may be in the middle of one, so they stay."""
-    project = attacked.project
-    todo = ".git/rebase-merge/git-rebase-todo"
-    plant = f"mkdir -p {project.folder}/.git/rebase-merge; echo 'exec touch {attacked.mark}' > {project.folder}/{todo}"
-    project.script = {"probe": [{"shell": plant}, "good"]}
-    project.write()
-    assert f"--> {todo}" in project.run("apply", "-auto-approve", "-target", "probe", status=0).text
-
-
 CRONTAB = """#!/bin/sh
 if [ "$1" = -l ]; then cat "$HOME/tab" 2>/dev/null; else cat > "$HOME/tab"; fi
 """
 
 
-def test_what_an_agent_has_run_by_the_clock_is_told(attacked: Attacked) -> None:
-    """The person's own is told by its program, since the file is closed to them."""
-    program = attacked.home / "bin" / "crontab"
-    program.parent.mkdir()
-    program.write_text(CRONTAB)
-    program.chmod(0o755)
-    project = attacked.project
-    plant = f"echo '* * * * * touch {attacked.mark}' | HOME={attacked.home} {program} -"
-    project.script = {"probe": [{"shell": plant}, "good"]}
+TODO = ".git/rebase-merge/git-rebase-todo"
+ODD = r"$(printf 'x\377\033[31m\342\200\256.md')"
+ALONE = {
+    "given away": "chown 61234:61234 {project}/octopus.yaml",
+    "no text": f'touch "{ODD}"; mkdir -p {{project}}/protocol; echo planted > "{{project}}/protocol/{ODD}"',
+    "became a link": "for name in protocol profiles; do ln -s {home}/documents {project}/$name; done",
+    "left standing": "echo x > {project}/AGENTS.md; mkdir {project}/.idea; echo x > {project}/.idea/run.xml; "
+    "mkdir -p {project}/.octoform/bench/run {home}/.claude; echo '{{}}' > {project}/.octoform/bench/run/tokens.json; "
+    "echo '{{}}' > {home}/.claude/settings.json",
+    # What may be a person's own work stays, and refuses no attempt. `git rebase --continue` would run the steps; the
+    # crontab is told by its program, since its file is closed to the person.
+    "a person's": "git -C {project} -c user.name=A -c user.email=a@b commit -q --allow-empty -m theirs; "
+    f"mkdir -p {{project}}/.git/rebase-merge; echo 'exec touch {{mark}}' > {{project}}/{TODO}; "
+    "echo '* * * * * touch {mark}' | HOME={home} {home}/bin/crontab -",
+}
+"""What an agent does in an attempt of its own, beside which nothing else is planted."""
+
+
+def test_what_is_done_alone_is_told_undone_or_left_to_a_person(attacked: Attacked) -> None:
+    project, home = attacked.project, attacked.home
+    (home / "documents").mkdir()
+    (home / "documents" / "novel.md").write_text("chapter one\n")
+    (home / "bin").mkdir()
+    (home / "bin" / "crontab").write_text(CRONTAB)
+    (home / "bin" / "crontab").chmod(0o755)
+    acts = {name: act for name, act in ALONE.items() if name != "given away" or os.geteuid() == 0}
+    project.script = {"probe": [{"shell": attacked.words(act)} for act in acts.values()]}
+    project.manifest = {"budget": f"{{attempts: {len(acts)}}}"}
     project.write()
-    text = project.run("apply", "-auto-approve", "-target", "probe").text
-    assert "your crontab was changed while the agent ran" in text, text
+    text = project.run("apply", "-auto-approve", "-target", "probe", status=0).text
+    refused = {name: refused_paths(attacked, attempt) for attempt, name in enumerate(acts)}
+
+    assert "given away" not in acts or "octopus.yaml" in refused["given away"]
+    facts = (project.folder / "octopus.yaml").stat()
+    assert (facts.st_uid, facts.st_gid) == (os.geteuid(), os.getegid())
+
+    assert any(path.startswith("protocol/x\\xff") for path in refused["no text"]) and "\x1b" not in text
+
+    assert {"protocol", "profiles"} <= refused["became a link"]
+    assert (home / "documents" / "novel.md").read_text() == "chapter one\n"
+    assert not os.path.lexists(project.folder / "protocol")
+
+    assert f"--> {TODO}" in text
+    assert "your crontab was changed while the agent ran" in text
+
+    left = (f"{home}/.claude/settings.json", ".octoform/bench/run/tokens.json", ".idea/run.xml")
+    for path in ("AGENTS.md", *left):
+        assert f"--> {path}" in text, path
+
+    record = json.loads((project.attempts("probe")[-1] / "attempt.json").read_text())
+    outside = [item for item in record["diagnostics"] if item["code"] == "APPLY-OUTSIDE-WRITE"]
+    [told] = [item for item in outside if "HEAD" in item["summary"]]
+    assert told["severity"] == "warning"
+    log = subprocess.run(["git", "-C", str(project.folder), "log", "--format=%s"], capture_output=True, text=True)
+    assert log.stdout == "theirs\n"
+    assert not attacked.mark.exists()
 
 
 MOVES = {
@@ -406,33 +398,43 @@ MOVES = {
 }
 
 
-def moved(attacked: Attacked) -> None:
-    """Each folder is found where the agent has put it, and is whole again in its own place."""
+def opened_and_moved(attacked: Attacked) -> None:
+    """One attempt after another; each folder is whole again in its own place, and with its own rights.
+
+    Whoever may write a folder may replace what is in it, and what is closed hides a change.
+    """
     project = attacked.project
     identity = ("-c", "user.name=x", "-c", "user.email=x@y", "-c", f"safe.directory={project.folder}")
     git = ["git", "-C", str(project.folder), *identity, "-c", "core.hooksPath=/dev/null"]
     subprocess.run([*git, "commit", "-q", "--allow-empty", "-m", "kept"], check=True)
-    if project.prefix:
+    if project.user:
         subprocess.run(["chown", "-R", f"--reference={project.folder}", str(project.folder / ".git")], check=True)
     project.apply("-target", "probe", status=0)
+    places = [project.folder / attacked.words(name) for name in RIGHTS]
+    rights = [place.stat().st_mode for place in places]
+    opening = "; ".join(attacked.words(text) for text in RIGHTS.values())
+    opening = f"echo planted > {project.folder}/.git/hooks/pre-push; {opening}"
     ways = [(folder, attacked.words(way)) for folder, each in MOVES.items() for way in each]
-    project.script = {"probe": [*({"shell": way} for _, way in ways), "good"]}
-    project.manifest = {"budget": f"{{attempts: {len(ways) + 1}}}"}
+    project.script = {"probe": [{"shell": opening}, *({"shell": way} for _, way in ways), "good"]}
+    project.manifest = {"budget": f"{{attempts: {len(ways) + 2}}}"}
     before = {folder: (project.folder / folder).stat().st_ino for folder in MOVES}
     project.apply("-replace", "probe", "-target", "probe", status=0)
-    for attempt, (folder, way) in enumerate(ways, 1):
+    assert refused_paths(attacked, 1) >= {attacked.words(name) for name in (*RIGHTS, ".git/hooks/pre-push")}
+    assert [place.stat().st_mode for place in places] == rights
+    assert not (project.folder / ".git" / "hooks" / "pre-push").exists()
+    for attempt, (folder, way) in enumerate(ways, 2):
         assert folder in refused_paths(attacked, attempt), way
     assert {folder: (project.folder / folder).stat().st_ino for folder in MOVES} == before
     assert b"kept" in subprocess.run([*git, "log", "--oneline"], check=True, capture_output=True).stdout
 
 
-def test_a_folder_that_an_agent_moves_away_is_moved_back(attacked: Attacked) -> None:
-    moved(attacked)
+def test_folders_that_an_agent_opens_closes_or_moves_away_are_as_they_were(attacked: Attacked) -> None:
+    opened_and_moved(attacked)
 
 
 @pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
-def test_a_folder_is_moved_back_for_an_ordinary_user(user: User) -> None:
-    moved(of_user(user))
+def test_folders_are_as_they_were_for_an_ordinary_user(user: User) -> None:
+    opened_and_moved(of_user(user))
 
 
 def test_a_repository_that_an_agent_deletes_is_named_as_lost(attacked: Attacked) -> None:
@@ -441,22 +443,6 @@ def test_a_repository_that_an_agent_deletes_is_named_as_lost(attacked: Attacked)
     project.write()
     text = project.run("apply", "-auto-approve", "-target", "probe").text
     assert "could not be put back" in text and "--> .git\n" in text
-
-
-def test_what_a_rejected_attempt_leaves_standing_is_told_by_name(attacked: Attacked) -> None:
-    project = attacked.project
-    plant = (
-        f"echo x > {project.folder}/AGENTS.md; mkdir {project.folder}/.idea; echo x > {project.folder}/.idea/run.xml"
-    )
-    run = project.local / "run"
-    plant += f"; mkdir -p {run} {attacked.home}/.claude; echo '{{}}' > {run}/tokens.json"
-    plant += f"; echo '{{}}' > {attacked.home}/.claude/settings.json"
-    project.script = {"probe": [{"shell": plant}, "good"]}
-    project.write()
-    text = project.run("apply", "-auto-approve", "-target", "probe", status=0).text
-    left = (f"{attacked.home}/.claude/settings.json", ".octoform/bench/run/tokens.json", ".idea/run.xml")
-    for path in ("AGENTS.md", *left):
-        assert f"--> {path}" in text, text
 
 
 def test_a_repository_that_an_agent_makes_is_moved_away(project: Project, tmp_path: Path) -> None:
@@ -469,33 +455,6 @@ def test_a_repository_that_an_agent_makes_is_moved_away(project: Project, tmp_pa
     assert {".git", str(project.folder.parent / ".git")} <= refused_paths(made, 0)
     assert not (project.folder / ".git").exists() and not (project.folder.parent / ".git").exists()
     assert (project.attempts("probe")[0] / "undone" / ".git" / "HEAD").is_file()
-
-
-def test_a_folder_that_became_a_link_costs_nobody_a_file(attacked: Attacked, tmp_path: Path) -> None:
-    theirs = tmp_path / "documents"
-    theirs.mkdir()
-    (theirs / "novel.md").write_text("chapter one\n")
-    project = attacked.project
-    links = f"ln -s {theirs} {project.folder}/protocol; ln -s {theirs} {project.folder}/profiles"
-    project.script = {"probe": [{"shell": links}, "good"]}
-    project.apply("-target", "probe", status=0)
-    assert {"protocol", "profiles"} <= refused_paths(attacked, 0)
-    assert (theirs / "novel.md").read_text() == "chapter one\n"
-    assert not (project.folder / "protocol").is_symlink()
-
-
-def test_what_its_server_writes_when_it_is_imported_is_refused_too(attacked: Attacked) -> None:
-    project = attacked.project
-    project.apply("-target", "interface", status=0)
-    plant = project.folder / "protocol" / "serve.md"
-    source = (AGENT.parent / "good" / "server.py").read_text()
-    evil = f'{source}\nPath("{plant.parent}").mkdir(exist_ok=True)\nPath("{plant}").write_text("planted")\n'
-    head, _, tail = evil.partition("from fastmcp")
-    project.script = {"serve": [{"write": f"{head}from pathlib import Path\nfrom fastmcp{tail}"}, "good"]}
-    project.apply("-target", "serve")
-    assert not plant.exists()
-    told = (project.attempts("serve")[0] / "attempt.json").read_text()
-    assert "APPLY-OUTSIDE-WRITE" in told or "SERVE-" in told
 
 
 STARTS = [
@@ -519,6 +478,7 @@ def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents_and_a_plan
     attacked: Attacked, compiled: Path
 ) -> None:
     project = attacked.project
+    project.kept_servers = True
     project.take_environments(compiled)
     project.apply(status=0)
     packages = packages_of(project)
@@ -540,49 +500,41 @@ def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents_and_a_plan
     assert not (packages / "planted.pth").exists()
 
 
-def test_a_commit_that_was_made_meanwhile_is_told_and_nobody_loses_it(attacked: Attacked) -> None:
-    project = attacked.project
-    commit = f"git -C {project.folder} -c user.name=A -c user.email=a@b commit -q --allow-empty -m theirs"
-    project.script = {"probe": [{"shell": commit}, "good"]}
-    project.apply("-target", "probe")
-    [told] = [
-        item
-        for item in json.loads((project.attempts("probe")[0] / "attempt.json").read_text())["diagnostics"]
-        if item["code"] == "APPLY-OUTSIDE-WRITE" and "HEAD" in item["summary"]
-    ]
-    assert told["severity"] == "warning"
-    log = subprocess.run(["git", "-C", str(project.folder), "log", "--format=%s"], capture_output=True, text=True)
-    assert log.stdout == "theirs\n"
-
-
+UNDONE = "mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md"
 LINKED = {
-    "import": ("serve", "ln -s {home}/theirs import", {}),
-    "import/runtime": ("serve", "mkdir import; ln -s {home}/theirs import/runtime", {}),
-    "undone": (
-        "probe",
-        "ln -s {home}/theirs undone; mkdir -p {project}/protocol; echo planted > {project}/protocol/serve.md",
-        {"undone": "protocol/serve.md"},
-    ),
-    "undone/protocol": (
-        "probe",
-        "mkdir undone; ln -s {home}/theirs undone/protocol; mkdir -p {project}/protocol; "
-        "echo planted > {project}/protocol/serve.md",
-        {"undone": "protocol/serve.md"},
-    ),
+    "import": ("ln -s {home}/theirs import", ""),
+    "import/runtime": ("mkdir import; ln -s {home}/theirs import/runtime", ""),
+    "undone": (f"ln -s {{home}}/theirs undone; {UNDONE}", "undone/protocol/serve.md"),
+    "undone/protocol": (f"mkdir undone; ln -s {{home}}/theirs undone/protocol; {UNDONE}", "undone/protocol/serve.md"),
 }
-"""Where octoform itself writes in an attempt's folder afterwards: the stage, what its agent does, what is kept."""
+"""Where octoform itself writes in an attempt's folder afterwards: what its agent does, what is kept there."""
 
 
-@pytest.mark.parametrize("place", LINKED)
-def test_a_link_in_the_attempts_folder_leads_octoform_nowhere(attacked: Attacked, place: str) -> None:
-    stage, act, kept = LINKED[place]
+def test_a_link_in_the_attempts_folder_leads_octoform_nowhere_and_what_a_server_writes_on_import_is_refused(
+    attacked: Attacked,
+) -> None:
     project, theirs = attacked.project, attacked.home / "theirs"
     theirs.mkdir()
-    project.script = {stage: [{"shell": attacked.words(act)}, "good"]}
-    project.apply("-target", stage, status=0)
+    plant = project.folder / "protocol" / "serve.md"
+    source = (AGENT.parent / "good" / "server.py").read_text()
+    evil = f'{source}\nPath("{plant.parent}").mkdir(exist_ok=True)\nPath("{plant}").write_text("planted")\n'
+    head, _, tail = evil.partition("from fastmcp")
+    links = {place: {"shell": attacked.words(act)} for place, (act, _) in LINKED.items()}
+    written = {"write": f"{head}from pathlib import Path\nfrom fastmcp{tail}"}
+    project.script = {
+        "probe": [links["undone"], links["undone/protocol"], "good"],
+        "serve": [written, links["import"]],
+    }
+    project.apply("-target", "serve", status=0)
+    project.script["serve"] = [links["import/runtime"]]
+    project.apply("-replace", "serve", "-target", "serve", status=0)
     assert list(theirs.iterdir()) == []
-    for folder, name in kept.items():
-        assert (project.attempts(stage)[0] / folder / name).read_text() == "planted\n"
+    assert (len(project.attempts("probe")), len(project.attempts("serve"))) == (3, 3)
+    for attempt, place in enumerate(("undone", "undone/protocol")):
+        assert (project.attempts("probe")[attempt] / LINKED[place][1]).read_text() == "planted\n", place
+    assert not plant.exists()
+    told = (project.attempts("serve")[0] / "attempt.json").read_text()
+    assert "APPLY-OUTSIDE-WRITE" in told or "SERVE-" in told
 
 
 @pytest.mark.parametrize("upgraded", [False, True], ids=["by its agent alone", "while it is brought up to date"])

@@ -50,10 +50,11 @@ class Project:
     """A folder with octopus.yaml whose agent follows a script; the script lies outside of it.
 
     ``environ`` is added to the environment of octoform, ``env`` names the variables that the agent is given,
-    ``prefix`` is a command that runs octoform, ``host`` the name of the host,
+    ``prefix`` is a command that runs octoform, ``user`` one that makes it another user's, ``host`` the host's name,
     ``harness`` the manifest's harness in place of the scripted agent. A command may take ``seconds``. The serving
     environment, whose building costs as much as all the rest of an apply, is that of all such projects of the run,
-    unless the test has to do with it (``own_environments``).
+    unless the test has to do with it (``own_environments``). Where it has not to do with what a command starts for
+    itself, ``kept_servers`` leaves that to the command after it.
     """
 
     shared_environments: ClassVar[Path | None] = None
@@ -69,6 +70,8 @@ class Project:
     harness: str | None = None
     seconds: float = SECONDS
     own_environments: bool = False
+    kept_servers: bool = False
+    user: list[str] = field(default_factory=list)
 
     @property
     def state(self) -> Path:
@@ -106,7 +109,7 @@ class Project:
     def start(self, *arguments: str, **options: Any) -> "subprocess.Popen[str]":
         """Start octoform and leave it running."""
         return subprocess.Popen(
-            [*self.prefix, str(OCTOFORM), *arguments],
+            [*self.prefix, *self.user, str(OCTOFORM), *arguments],
             cwd=self.folder,
             env=self.environment(),
             stdin=subprocess.DEVNULL,
@@ -119,7 +122,7 @@ class Project:
     def run(self, *arguments: str, status: int | None = None) -> Done:
         """Run octoform to its end; ``status`` is what it must leave with."""
         if self.prefix:
-            command = [*self.prefix, str(OCTOFORM), *arguments]
+            command = [*self.prefix, *self.user, str(OCTOFORM), *arguments]
             ended = subprocess.run(
                 command,
                 cwd=self.folder,
@@ -131,7 +134,9 @@ class Project:
             )
             done = Done(ended.returncode, ended.stdout, ended.stderr)
         else:
-            done = Done(*warm.run(OCTOFORM, arguments, self.folder, self.environment(), self.seconds))
+            environ, kept = self.environment(), self.kept_servers
+            ran = warm.run(OCTOFORM, arguments, self.folder, environ, self.seconds, prefix=self.user, kept=kept)
+            done = Done(*ran)
         assert "Traceback" not in done.text, done.text
         assert status is None or done.status == status, done.text
         return done

@@ -44,18 +44,27 @@ _ENDED: list[int] = []
 
 
 def run(
-    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], seconds: float, said: str = ""
+    program: Path,
+    arguments: Sequence[str],
+    cwd: Path,
+    environ: Mapping[str, str],
+    seconds: float,
+    said: str = "",
+    *,
+    prefix: Sequence[str] = (),
+    kept: bool = False,
 ) -> tuple[int, str, str]:
     """(exit status, what it printed, what it printed on stderr); killed, with TimeoutExpired, after so many seconds.
 
-    ``said`` is what it reads on stdin, through a pipe.
+    ``said`` is what it reads on stdin, through a pipe. ``prefix`` is the command that starts the loaded process, as
+    another user for example. Fork servers of the project's own environments end with the command, unless ``kept``.
     """
     words = [str(program), *arguments]
-    order = json.dumps({"argv": words, "cwd": str(cwd), "environ": dict(environ), "said": said}).encode()
+    order = json.dumps({"argv": words, "cwd": str(cwd), "environ": dict(environ), "said": said, "kept": kept}).encode()
     out, err = os.pipe(), os.pipe()
     with _sockets() as (mine, its):
         with _ONE:
-            keeper = _keeper()
+            keeper = _keeper(*prefix)
         socket.send_fds(keeper, [order], [its.fileno(), out[1], err[1]])
         for descriptor in (its.detach(), out[1], err[1]):
             os.close(descriptor)
@@ -110,10 +119,10 @@ def _read_all(descriptors: Sequence[int], deadline: float) -> tuple[str, ...]:
 
 
 @cache
-def _keeper() -> socket.socket:
-    """A connection to the loaded process, which ends with it."""
+def _keeper(*prefix: str) -> socket.socket:
+    """A connection to the loaded process that a command starts; it ends with the connection."""
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-    command = [sys.executable, __file__, str(its.fileno())]
+    command = [*prefix, sys.executable, __file__, str(its.fileno())]
     subprocess.Popen(command, pass_fds=[its.fileno()], stdin=subprocess.DEVNULL)
     its.close()
     return mine
@@ -140,7 +149,7 @@ def keep(orders: socket.socket) -> int:
             order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 3)
             if not order:
                 return 0
-            servers = _fork_servers(Path(json.loads(order)["cwd"]))
+            servers = _fork_servers(Path(json.loads(order)["cwd"]), own=json.loads(order)["kept"])
             pid = os.fork()
             if not pid:
                 selector.close()
@@ -155,14 +164,14 @@ def keep(orders: socket.socket) -> int:
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
 
 
-def _fork_servers(folder: Path) -> list[int]:
+def _fork_servers(folder: Path, *, own: bool) -> list[int]:
     """Descriptors of the fork servers of environments that a project shares with others: they outlast its commands.
 
-    Only those: that a command begins and ends its own is tested where a project has its own environment.
+    Those of its ``own`` only where that is asked for: that a command begins and ends its own is tested elsewhere.
     """
     found = []
     for shared in folder.glob(".octoform/*/environments"):
-        for path in shared.iterdir() if shared.is_symlink() else ():
+        for path in shared.iterdir() if own or shared.is_symlink() else ():
             environment = at(path)
             if environment is not None and environment.python.exists():
                 server = ForkServer.at(environment.python)

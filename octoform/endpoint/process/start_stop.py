@@ -228,7 +228,7 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
     begun: _Begun = systemd.started(layout) or _Detached(layout)
-    patience = time.monotonic() + STOP_SECONDS
+    patience, pause = time.monotonic() + STOP_SECONDS, _STEP
     while time.monotonic() < end:
         # In this order: whoever greets owns the endpoint, and then the record tells of no process before it.
         if accepts(layout) and (found := running(layout)) is not None:
@@ -237,7 +237,9 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
         if why is not None:
             if not begun.taken or time.monotonic() > patience:
                 return None, _held(layout) if begun.taken else _failed(layout, mark, why)
-            begun = _Detached(layout)  # the owner may be one that was killed and is not wholly gone
+            time.sleep(pause)  # the owner may be one that was killed and is not wholly gone
+            pause *= 2
+            begun = _Detached(layout)
         time.sleep(_STEP)
     begun.give_up()
     return None, _failed(layout, mark, "it takes no clients")
