@@ -180,6 +180,24 @@ NAMES: dict[str, Any] = {
         f"value = float(({ASKED}.path('hwmon') / 'device').resolve().name.rpartition('.')[2])"
     ),
 }
+CHIP = f"{ASKED}.path('hwmon')"
+FILES: dict[str, Any] = {
+    "when it was changed": temperature(f"value = ({FILE}).stat().st_mtime"),
+    "when it was changed, by the module": temperature(f"value = os.path.getmtime({FILE})", "os"),
+    "how large it is": temperature(f"value = os.stat({FILE}).st_size / 100", "os"),
+    "its number": temperature(f"info = ({FILE}).stat()\nvalue = float(info.st_ino % 100) * 1000"),
+    "how many files there are": temperature(f"value = 1000 * len(list({CHIP}.iterdir()))"),
+    "how many names there are": temperature(f"names = os.listdir({CHIP})\nvalue = float(len(names))", "os"),
+    "how many inputs there are": temperature(f"value = sum(1 for _ in {CHIP}.glob('temp*')) * 1000.0"),
+    "how many the runtime finds": temperature(f"found = runtime.files({CHIP}, 'temp*')\nvalue = len(found) * 1e3"),
+    "how many of a name there are": temperature(
+        f"value = len([p for p in sorted({CHIP}.iterdir()) if p.name.startswith('temp')]) * 1000"
+    ),
+    "how many files a function counts": temperature(
+        "value = 1000 * count(device)", more=f"def count(device):\n    return len(sorted({CHIP}.iterdir()))"
+    ),
+}
+"""What is known of a file without reading it."""
 MANNERS: dict[str, Any] = {
     "an end of the process": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    sys.exit(1)"),
     "an end without a word": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    os._exit(1)"),
@@ -202,6 +220,7 @@ WRONG = {
         "replaced": REPLACED,
         "place": PLACES,
         "name": NAMES,
+        "file": FILES,
         "manners": MANNERS,
     }.items()
     for name, case in cases.items()
@@ -270,6 +289,19 @@ RIGHT: dict[str, Any] = {
     "the file of the highest number": temperature(
         f"path = max(runtime.files({ASKED}.path('hwmon'), 'temp*_input'), key=lambda each: int(each.name[4]))\n"
         "value = float(path.read_text())"
+    ),
+    "a mean over the files": temperature(
+        f"files = runtime.files({CHIP}, 'temp*_input')\nvalue = sum(float(p.read_text()) for p in files) / len(files)"
+    ),
+    "a sum over the files that say so": temperature(
+        f"value = 1000.0 * len([p for p in {CHIP}.glob('temp*_fault') if p.read_text().strip() == '1'])"
+    ),
+    "only when there is one": temperature(
+        f"files = list({CHIP}.glob('temp*_input'))\nif not len(files):\n    raise ToolError('no input')\n"
+        "value = float(files[0].read_text())"
+    ),
+    "a file that is as large as it should be": temperature(
+        f"path = {FILE}\nif path.stat().st_size == 0:\n    raise ToolError('empty')\nvalue = float(path.read_text())"
     ),
     "a file by the number of its label": temperature(
         f"chip = {ASKED}.path('hwmon')\nlabel = runtime.files(chip, 'temp*_label')[0]\nnumber = int(label.name[4])\n"

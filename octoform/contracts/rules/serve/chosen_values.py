@@ -2,7 +2,8 @@
 
 Such a number follows the device, and still no one measured it: it says on which side of a bound the reading was. That
 is a state, a boolean or a word. A count or a level of a few steps may be chosen so, a quantity with a unit may not.
-And numbers that stand in the name of a folder or a file: they follow the device as well, and no one measured them.
+And numbers of a folder or a file, that stand in its name, tell when it was changed or how many of it there are: they
+follow the device as well, and no one measured them.
 """
 
 import ast
@@ -18,6 +19,9 @@ _DEPTH = 8
 _STEPPED = frozenset({"%", None})
 """Units in which a number may stand for one of a few steps."""
 _NAMES_OF_PATHS = frozenset({"name", "stem", "suffix"})
+_LISTS = frozenset({"os.listdir", "os.scandir", "glob.glob", "glob.iglob", "runtime.files"})
+_LISTING = frozenset({"iterdir", "glob", "rglob"})
+_READS = frozenset({"read", "read_text", "read_bytes", "open", "readline", "recv"})
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
 
 
@@ -109,28 +113,62 @@ def of_places(
         origin = flow.of(each)
         placed = origin & (Origin.FOUND | Origin.DEVICE | Origin.ARGUMENT)
         read = origin & (Origin.READ | Origin.SYSTEM | Origin.COUNTED | Origin.CLOCK)
-        unread = (placed and not read) or _is_of_name(source, flow, each)
+        unread = (placed and not read) or _is_of_file(source, flow, each)
         if unread and is_measured(node, name, [units[name]], frozenset()):
             yield name, each
 
 
-def _is_of_name(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bool:
-    """Whether a value is made of the name of a file that was found, and of nothing that was read."""
-    if isinstance(node, ast.Attribute) and node.attr in _NAMES_OF_PATHS:
+def _is_of_file(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bool:
+    """Whether a value is made of what is known of a file that was found without reading it, and of nothing else."""
+    if isinstance(node, ast.Attribute) and (node.attr in _NAMES_OF_PATHS or node.attr.startswith("st_")):
+        return True
+    if _counts_files(source, flow, node):
         return True
     if depth == 0 or isinstance(node, ast.Constant):
         return False
     if isinstance(node, ast.Name):
         values = flow.plain(node)
-        return bool(values) and all(_is_of_name(source, flow, each, depth - 1) for each in values)
+        return bool(values) and all(_is_of_file(source, flow, each, depth - 1) for each in values)
     if isinstance(node, ast.Call):
+        own = [item for item in source.functions if isinstance(node.func, ast.Name) and item.name == node.func.id]
+        if len(own) == 1:
+            results = flow.results(own[0])
+            return bool(results) and all(_is_of_file(source, flow, each, depth - 1) for each in results)
         name, method = source.dotted(node.func), isinstance(node.func, ast.Attribute) and node.func.attr in PLACES
-        own = [node.func.value] if method and isinstance(node.func, ast.Attribute) else []
-        parts: list[ast.expr] = [*own, *node.args] if method or PURE.fullmatch(name) else []
+        belongs = [node.func.value] if method and isinstance(node.func, ast.Attribute) else []
+        parts: list[ast.expr] = [*belongs, *node.args] if method or PURE.fullmatch(name) else []
     else:
         parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
     told = [item for item in parts if flow.of(item) & (Origin.READ | Origin.SYSTEM)]
-    return bool(told) and all(_is_of_name(source, flow, item, depth - 1) for item in told)
+    return bool(told) and all(_is_of_file(source, flow, item, depth - 1) for item in told)
+
+
+def _counts_files(source: Source, flow: Flow, node: ast.AST) -> bool:
+    """Whether an expression is how many files there are, none of which was read."""
+    if not isinstance(node, ast.Call) or len(node.args) != 1:
+        return False
+    name, given = source.dotted(node.func), node.args[0]
+    ones = isinstance(given, ast.GeneratorExp | ast.ListComp) and isinstance(given.elt, ast.Constant)
+    return (name == "len" or (name == "sum" and ones)) and _lists_files(source, flow, given)
+
+
+def _lists_files(source: Source, flow: Flow, node: ast.AST, depth: int = 5) -> bool:
+    if depth == 0:
+        return False
+    if isinstance(node, ast.Name):
+        values = flow.plain(node)
+        return bool(values) and all(_lists_files(source, flow, each, depth - 1) for each in values)
+    if isinstance(node, ast.GeneratorExp | ast.ListComp | ast.SetComp):
+        parts = [node.elt, *(test for one in node.generators for test in one.ifs)]
+        called = [item.func for part in parts for item in walk(part) if isinstance(item, ast.Call)]
+        read = any(getattr(item, "attr", getattr(item, "id", "")) in _READS for item in called)
+        return not read and _lists_files(source, flow, node.generators[0].iter, depth - 1)
+    if not isinstance(node, ast.Call):
+        return False
+    if source.dotted(node.func) in _LISTS or (isinstance(node.func, ast.Attribute) and node.func.attr in _LISTING):
+        return True
+    passed = source.dotted(node.func) in ("list", "sorted", "tuple", "set", "frozenset", "reversed") and node.args
+    return bool(passed) and _lists_files(source, flow, node.args[0], depth - 1)
 
 
 def _number(value: object) -> Numbers | None:

@@ -80,10 +80,8 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for name, each in of_places(source, flow, given, units):
-            summary = (
-                f"the result's {shown(name)} is taken from a name or a place, and not from what the device measured"
-            )
-            hint = "read the file or ask the device; a number in a name is that of a place, and no value"
+            summary = f"the result's {shown(name)} is a fact about a file or its name, and not what the device measured"
+            hint = "read the content of the file, or ask the device"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for call in (node for node, _ in source.calls if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
