@@ -1,4 +1,4 @@
-"""kill -9 at every point where something becomes durable: the next apply completes, and no agent runs in vain."""
+"""kill -9 at the points where something becomes durable: the next apply completes, and no agent runs in vain."""
 
 import os
 import signal
@@ -12,7 +12,10 @@ from projects import Done, Project
 
 CRASHING = Path(__file__).parent / "crashing.py"
 NODES = {"probe": ("probe",), "identify": ("probe", "identify")}
-SLICES = 4
+SLICES = 2
+CHANGES = ("written", "renamed", "cleared")
+"""How the points are called behind which something else stands on the disk than at the point before: what a killed
+process has written stays, synced or not. `make faults` kills at the others too (EVERY_POINT)."""
 
 
 def crash(project: Project, target: str, limit: int) -> Done:
@@ -24,11 +27,11 @@ def crash(project: Project, target: str, limit: int) -> Done:
 class Whole:
     """Applies that nobody killed: where another one is killed, and what they accepted.
 
-    Every durable point of an apply of one stage, and those of a second stage, whose run begins with another's record.
+    Durable points of an apply of one stage, and those of a second stage, whose run begins with another's record.
     """
 
     points: list[tuple[str, int, str]]
-    """The target, the number of the point in an apply of it, and the point's name."""
+    """The target, the number of the point in an apply of it, and the point's name: those of these tests."""
     digests: dict[str, str]
 
 
@@ -50,11 +53,16 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
     assert len(set(names)) == len(names) >= 20
     assert set(names) == {name for _, _, name in passed["identify"]}
     points = [*passed["probe"], *passed["identify"][begins - 1 : ends]]
-    return Whole(points, {name: node["output_digest"] for name, node in project.nodes().items()})
+    changes = [point for point in points if point[2].endswith(CHANGES)]
+    assert len(changes) >= 13
+    return Whole(
+        points if os.environ.get("EVERY_POINT") else [points[0], *changes],
+        {name: node["output_digest"] for name, node in project.nodes().items()},
+    )
 
 
 @pytest.mark.parametrize("part", range(SLICES))
-def test_kill_at_every_durable_point_leaves_a_state_that_the_next_apply_completes(
+def test_kill_at_a_durable_point_leaves_a_state_that_the_next_apply_completes(
     whole: Whole, part: int, tmp_path: Path
 ) -> None:
     # Whatever points there are, the slices hold all of them together.
