@@ -6,8 +6,6 @@ it as it was, the very process too; what is accepted must leave nothing for a pl
 
 import json
 import signal
-import subprocess
-import sys
 import time
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from projects import AGENT, Project
+import warm
+from projects import AGENT, Done, Project
 
 from octoform.daemon.store import instance_lock
+from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import running
 from octoform.engine.unattended.heal import heal, roll_back, settle
 from octoform.engine.unattended.session import diagnose
@@ -118,6 +118,13 @@ class Bench:
         brief = {"episode": episode, "reason": "the readings are worse"}
         return roll_back(self.project.folder, self.project.environment(), brief)
 
+    def ended(self, script: str, *words: str) -> Done:
+        """How a script ends that does something to the project."""
+        path = self.project.outside / "script.py"
+        path.write_text(script)
+        folder = self.project.folder
+        return Done(*warm.run(path, (str(folder), *words), folder, self.project.environment(), 120))
+
     def refusals(self, duty: str, count: int) -> list[set[str]]:
         """The codes of the last attempts' errors."""
         records = [json.loads((path / "attempt.json").read_text()) for path in self.project.attempts(duty)[-count:]]
@@ -141,7 +148,9 @@ def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Itera
     (project.outside / "server.py").write_text(BROKEN)
     project.script = {"serve": [{"copy": str(project.outside / "server.py")}]}
     project.apply(status=0)
-    yield Bench(project)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(start_stop, "_Detached", warm.Loaded)
+        yield Bench(project)
     project.run("stop")
 
 
@@ -359,9 +368,8 @@ def test_a_repair_that_is_ended_during_its_trial_leaves_the_accepted_server_in_s
 ) -> None:
     bench.duty("heal", {"rewrite": MEND, "report": REPAIR})
     brief = {**EVIDENCE, "error": ERROR, "target": TARGET, "episode": "e7"}
-    words = [sys.executable, "-c", TRIED, str(bench.project.folder), str(int(number)), json.dumps(brief)]
-    done = subprocess.run(words, env=bench.project.environment(), capture_output=True, text=True, timeout=120)
-    assert done.returncode == (-9 if number is signal.SIGKILL else 1), done.stderr
+    done = bench.ended(TRIED, str(int(number)), json.dumps(brief))
+    assert done.status == (-9 if number is signal.SIGKILL else 1), done.err
     if number is signal.SIGKILL:
         assert is_left(bench.layout) and bench.works(), "the candidate serves"
         told = settle(bench.layout, bench.project.environment())
@@ -387,8 +395,7 @@ def test_a_repair_that_holds_takes_the_place_and_is_taken_back_also_after_a_kill
     assert after["serve"]["detail"]["rewritten"]["by"] == "heal"
 
     bench.duty("heal", "good")
-    done = subprocess.run([sys.executable, "-c", KILLED, str(bench.project.folder)], env=bench.project.environment())
-    assert done.returncode == -9
+    assert bench.ended(KILLED).status == -9
     result = bench.back()
     assert (result["ok"], result["spent"]["calls"]) == (True, 0), result
     assert bench.server == BROKEN and bench.in_sync() and not bench.works()
