@@ -46,6 +46,7 @@ def live_alone(live: Project, compiled: Path) -> Project:
     """The same with an environment of its own, which may be spoilt or destroyed."""
     if (live.local / "environments").is_symlink():
         live.take_environments(compiled)
+        live.kept_servers = True
     return live
 
 

@@ -3,13 +3,12 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
+import warm
 from bench_host import bench_host
 from plugged import CAMERA, Host
 from projects import Project
@@ -44,6 +43,7 @@ def applied(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Iterato
     folder = tmp_path_factory.mktemp("repairs")
     project = Project(folder / "project", folder / "outside", script={"probe": [{"mutate": [NOT_WANTED]}]})
     project.take_environments(compiled)
+    project.kept_servers = True
     project.environ["OCTOFORM_SYSROOT"] = str(bench_host(folder / "root"))
     project.apply(status=0)
     yield project
@@ -61,6 +61,12 @@ def plugged(applied: Project) -> Iterator[None]:
         yield
     finally:
         host.unplug_camera()
+
+
+@pytest.fixture(autouse=True)
+def loaded(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What a repair starts in this process is a fork of a loaded interpreter too."""
+    monkeypatch.setattr(start_stop, "_Detached", warm.Loaded)
 
 
 @pytest.fixture
@@ -237,9 +243,11 @@ def test_re_discovery_that_is_ended_at_any_point_is_taken_back(
     (applied.outside / "script.json").write_text(json.dumps(OTHERWISE))
     ended = signal.Signals[f"SIG{number}"]
     with plugged(applied):
-        words = [sys.executable, "-c", ENDED, str(applied.folder), str(int(ended)), str(accepted)]
-        done = subprocess.run(words, env=applied.environment(), capture_output=True, text=True, timeout=120)
-    assert done.returncode == (-9 if number == "KILL" else 1), done.stdout + done.stderr
+        program = applied.outside / "ended.py"
+        program.write_text(ENDED)
+        words = [str(applied.folder), str(int(ended)), str(accepted)]
+        status, out, err = warm.run(program, words, applied.folder, applied.environment(), 120, kept=True)
+    assert status == (-9 if number == "KILL" else 1), out + err
     (applied.outside / "script.json").write_text("{}")
     if number == "KILL":
         assert is_left(layout)
