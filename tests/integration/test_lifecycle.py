@@ -6,6 +6,7 @@ The agent is scripted and instantaneous; environment, server and client are real
 import json
 import os
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -185,7 +186,7 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
 
 
 def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_without_an_agent(
-    live_alone: Project,
+    live_alone: Project, packaged: Callable[..., Path]
 ) -> None:
     """One damage after the other, each seen by itself; one apply then mends them all."""
     live = live_alone
@@ -206,7 +207,8 @@ def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_wit
     assert (live.local / "endpoint" / "manifest.json").exists()
     assert list(reasons(live)) == ["endpoint"]
 
-    assert repair(live) == []
+    with live.borrowed_bytecode(packaged("pyserial")):
+        assert repair(live) == []
     assert os.access(launcher, os.X_OK)
     assert next(environment.glob("lib/python*/site-packages/fastmcp-*.dist-info"), None)
     assert live.nodes()["endpoint"]["status"] == "accepted"

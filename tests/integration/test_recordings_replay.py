@@ -152,13 +152,19 @@ def fitted(recording: Path, folder: Path) -> Path:
 @pytest.mark.slow
 @pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
 def test_every_recording_leads_to_its_own_artifacts(
-    case: Path, compiled: Path, tmp_path: Path, planted: Callable[..., Path]
+    case: Path,
+    environments: Path,
+    packaged: Callable[..., Path],
+    tmp_path: Path,
+    planted: Callable[..., Path],
 ) -> None:
     found = load(case)
     assert isinstance(found, Recording), found
     recording = fitted(case, tmp_path / "fitted")
     replay = replaying(tmp_path, recording)
-    replay.take_bytecode(compiled)
+    asked = json.loads(max(recording.glob("deploy-*/output.json")).read_text())["requirements"]
+    more = sorted({item["name"] for item in asked} - {"fastmcp", "pydantic"})
+    replay.share_environments(packaged(*more) if more else environments)
     host = case.name.partition("-")[0]
     if (HOSTS / f"{host}.host").exists():
         replay.environ["OCTOFORM_SYSROOT"] = str(planted(host))

@@ -3,7 +3,7 @@
 import json
 import os
 import signal
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -146,7 +146,9 @@ def test_an_edited_server_gives_way_only_when_the_endpoint_is_down_for_it(layout
     assert edited in [path.read_bytes() for path in (layout.daemon / "aside").rglob("server.py")]
 
 
-def test_a_conflicting_package_and_a_lost_one_go_with_the_environment_that_is_built_again(layout: Layout) -> None:
+def test_a_conflicting_package_and_a_lost_one_go_with_the_environment_that_is_built_again(
+    applied: Project, layout: Layout, packaged: Callable[..., Path]
+) -> None:
     manifest = read_manifest(layout)
     assert manifest is not None
     environment = at(Path(manifest["environment"]))
@@ -159,7 +161,8 @@ def test_a_conflicting_package_and_a_lost_one_go_with_the_environment_that_is_bu
     reasons = intact(environment)
     assert any("anyio is provided by both anyio and anyio-rival" in reason for reason in reasons), reasons
     before = running(layout)
-    done = rebuild(layout)
+    with applied.borrowed_bytecode(packaged("pyserial")):
+        done = rebuild(layout)
     assert done.ok, done.detail
     assert intact(environment) == [] and not rival.exists()
     after = running(layout)

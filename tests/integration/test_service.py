@@ -172,7 +172,7 @@ def test_the_unit_is_one_that_systemd_takes(tmp_path: Path, folder: str, account
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd, bench: Launched) -> None:
+def is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd, bench: Launched) -> None:
     before = bench.process.pid
     terminal = Terminal(bench.layout.project, systemd.environ, "service", "install", "-user")
     terminal.wait_for("Enter a value:")
@@ -191,12 +191,11 @@ def test_a_unit_is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd
     assert bench.process.pid == int((systemd.folder / "pid").read_text())
 
 
-def test_while_it_is_installed_systemd_starts_and_stops_the_endpoint(systemd: Systemd, bench: Launched) -> None:
+def is_started_and_stopped_by_systemd(systemd: Systemd, bench: Launched) -> None:
     """The unit is skipped at a boot while the mark of a stop is there, so a start takes the mark away before it asks.
 
     A start that systemd reports as failed is told with its reason.
     """
-    assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
     told = len(systemd.told())
     assert stop(bench.layout).process is not None
     assert running(bench.layout) is None
@@ -224,8 +223,8 @@ def test_while_it_is_installed_systemd_starts_and_stops_the_endpoint(systemd: Sy
     assert "cannot be read" in str(problem.detail)
 
 
-def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench: Launched) -> None:
-    octoform(systemd, bench, "service", "install", "-user", "-auto-approve")
+def stops_with_the_uninstall_and_leaves_nothing(systemd: Systemd, bench: Launched) -> None:
+    assert start(bench.layout)[1] is None
     done = octoform(systemd, bench, "service", "uninstall", "-user")
     assert done.returncode == 1 and "SERVICE-NOT-APPROVED" in done.stderr
     assert (systemd.units / NAME).exists() and running(bench.layout) is not None
@@ -240,6 +239,13 @@ def test_uninstall_stops_the_endpoint_and_leaves_nothing(systemd: Systemd, bench
     assert "was not installed" in octoform(systemd, bench, "service", "uninstall", "-user").stdout
     assert octoform(systemd, bench, "service", "install", "-user", "-auto-approve").returncode == 0
     assert not is_marked(bench.layout), "anyone who installs it wants it to run"
+
+
+def test_from_the_question_before_it_is_installed_to_what_is_left_after_it(systemd: Systemd, bench: Launched) -> None:
+    """One installation is enough for all of it: each start of the endpoint by a unit is that of a new program."""
+    is_shown_asked_for_written_and_given_to_systemd(systemd, bench)
+    is_started_and_stopped_by_systemd(systemd, bench)
+    stops_with_the_uninstall_and_leaves_nothing(systemd, bench)
 
 
 @pytest.mark.parametrize("verb", ["install", "uninstall"])

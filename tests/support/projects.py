@@ -6,7 +6,8 @@ import shutil
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, ClassVar
@@ -191,16 +192,18 @@ class Project:
             own.unlink()
         subprocess.run(["cp", "-al" if linked else "-a", str(folder), str(own)], check=True)
 
-    def take_bytecode(self, folder: Path) -> None:
-        """Build own environments, but compile none of the packages that those in a folder have.
-
-        For tests of projects whose packages are their own; `octoform destroy` would stumble over the links.
-        """
+    @contextmanager
+    def borrowed_bytecode(self, folder: Path) -> Iterator[None]:
+        """Build own environments in the block, but compile none of the packages that those in a folder have."""
         own = self.local / "environments"
-        own.mkdir(mode=0o700, parents=True)
-        for path in folder.iterdir():
-            if path.is_dir():
-                (own / path.name).symlink_to(path)
+        links = [own / path.name for path in folder.iterdir() if path.is_dir() and not (own / path.name).exists()]
+        for link in links:
+            link.symlink_to(folder / link.name)
+        try:
+            yield
+        finally:
+            for link in links:
+                link.unlink(missing_ok=True)
 
     def own_specs(self) -> Path:
         """Give the project its own copies of the shipped specs; the folder."""
