@@ -239,13 +239,14 @@ class Bench:
         self.closing()
 
 
-def until(what: Callable[[], object], seconds: float) -> bool:
-    """Wait until it is true; False when it is not after so many seconds. Looked at all the time, since times count."""
+def until(what: Callable[[], object], seconds: float, step: float = STEP) -> bool:
+    """Wait until it is true; False when it is not after so many seconds. Looked at all the time, since times count;
+    where they do not, each ``step`` seconds."""
     end = time.monotonic() + seconds
     while not what():
         if time.monotonic() > end:
             return False
-        time.sleep(STEP)
+        time.sleep(step)
     return True
 
 

@@ -7,17 +7,20 @@ whose inputs lie in their attempts' folders.
 import json
 import sys
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
-from campaign.bench import Bench, until
+from campaign.bench import Bench
+from campaign.bench import until as became
 from campaign.cases_tools import broken, heal, mended, watch
 from campaign.making import made
 
 pytestmark = pytest.mark.dear
 
 LONG = 90.0
+until = partial(became, step=0.1)
 TARGET = "tool:weigh"
 NOTIFY = """
 import json, sys

@@ -68,7 +68,7 @@ class Bench:
 def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Bench]:
     folder = tmp_path_factory.mktemp("units")
     description = load("reference")
-    description["devices"]["arm"] |= {"speedup": 20}
+    description["devices"] = {"arm": {**description["devices"]["arm"], "speedup": 20}}
     rig = Rig(description, folder / "tree")
     rig.start()
     project = Project(folder / "project", folder / "outside", harness="builtin")
@@ -76,7 +76,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path
     project.manifest = {"profiles": "[profiles/so-arm101.md]"}
     (project.folder / "profiles").mkdir(parents=True)
     (project.folder / "profiles" / "so-arm101.md").write_text((TOP / "profiles" / "so-arm101.md").read_text())
-    project.share_environments(packaged("feetech-servo-sdk", "opencv-python-headless"))
+    project.share_environments(packaged("feetech-servo-sdk"))
     project.apply(status=0)
     yield Bench(project, rig)
     project.run("stop")
