@@ -107,7 +107,7 @@ def shared(environments: Path) -> None:
 
 @pytest.fixture(scope="session")
 def compiled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder of one environment, compiled once for the whole run: `Project.take_environments`."""
+    """A folder of one environment, compiled once for the run: `Project.take_environments`, `take_bytecode`."""
     layout = Layout(run_folder(tmp_path_factory) / "compiled", "bench")
     layout.environments.mkdir(mode=0o700, parents=True, exist_ok=True)
     with (layout.project / "lock").open("wb") as lock:
