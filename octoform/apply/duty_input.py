@@ -7,7 +7,7 @@ counted; of what is too much, the newest of each signal stays first.
 import json
 import re
 import time
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -213,13 +213,13 @@ def sliced(lines: Sequence[Line], secrets: Mapping[str, str], completion: Comple
     """The slice of these lines, which are in order."""
     troubles = _distinct([line for line in lines if is_trouble(line)], secrets)
     errors, unsaid = _fitting(troubles, ERROR_BYTES)
-    others = [_shown(line.text, secrets) for line in lines if not is_trouble(line)]
+    others = [line.text for line in lines if not is_trouble(line)]
     head = _headed("errors, the newest last", errors, unsaid)
     room = LOG_BYTES - len(head.encode()) - 200
-    newest, older = _fitting(others, room)
+    newest, older = _fitting(others, room, lambda text: _shown(text, secrets))
     if not older or completion is None:
         return LogSlice(_bounded(head + _headed("newest lines", newest, older)))
-    return _condensed(head, others, completion)
+    return _condensed(head, [_shown(text, secrets) for text in others], completion)
 
 
 def is_trouble(line: Line) -> bool:
@@ -262,10 +262,13 @@ def _shown(text: str, secrets: Mapping[str, str]) -> str:
     return flat if len(flat) <= LINE_CHARACTERS else flat[: LINE_CHARACTERS - 1] + "…"
 
 
-def _fitting(lines: Sequence[str], size: int) -> tuple[list[str], int]:
-    """The newest of the lines that are together at most ``size`` bytes, and how many are omitted."""
+def _fitting(lines: Sequence[str], size: int, shown: Callable[[str], str] = str) -> tuple[list[str], int]:
+    """The newest of the lines, as they are ``shown``, that are together at most ``size`` bytes; how many are left out.
+
+    Only those are made fit to be shown: a log has thousands of lines.
+    """
     kept: list[str] = []
-    for line in reversed(lines):
+    for line in map(shown, reversed(lines)):
         size -= len(line.encode()) + 1
         if size < 0:
             break

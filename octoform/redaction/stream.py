@@ -164,6 +164,10 @@ class Redactor:
         """What was held back, at the end of the stream."""
         return self._take(b"", last=True)
 
+    def end(self, data: bytes) -> bytes:
+        """The last piece, or all of a text: nothing comes of which a part could be held back."""
+        return self._take(data, last=True)
+
     def _take(self, data: bytes, *, last: bool) -> bytes:
         text = self._before + self._held + data
         piece = _Piece(self, text, len(self._before), self._seen - len(self._before), last)
@@ -275,6 +279,4 @@ class _Piece:
 
 def redacted(text: str, secrets: Mapping[str, str] | None = None) -> str:
     """A whole text without its secrets."""
-    stream = Redactor(secrets)
-    data = text.encode("utf-8", "surrogatepass")
-    return (stream.feed(data) + stream.flush()).decode("utf-8", "surrogatepass")
+    return Redactor(secrets).end(text.encode("utf-8", "surrogatepass")).decode("utf-8", "surrogatepass")

@@ -110,7 +110,7 @@ class Launched:
     def start(self) -> None:
         """Start it (again), as a fork of a process that has loaded what it imports."""
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(start_stop, "_Detached", _Forked)
+            patch.setattr(start_stop, "_Detached", Loaded)
             process, problem = start_stop.start(self.layout)
         assert process is not None, problem
 
@@ -126,13 +126,6 @@ def write(folder: Path, source: str, service: Service, environ: Mapping[str, str
     problems = write_endpoint(layout, environment, service, environ or {})
     assert not problems, problems
     return layout
-
-
-class _Forked(Loaded):
-    """Its process as a fork of one that has loaded what it imports."""
-
-    def python(self, layout: Layout) -> Path:
-        return Path(sys.executable)
 
 
 @contextmanager

@@ -31,7 +31,7 @@ from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.endpoint.environment.model import at
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import MARK
-from octoform.endpoint.published_files import SERVE_SCRIPT
+from octoform.endpoint.published_files import SERVE_SCRIPT, read_manifest
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import load as load_profiles
 from octoform.protocol.spec_loader import load as load_specs
@@ -200,9 +200,10 @@ class Loaded(start_stop._Detached):
             super().__init__(layout)
 
     def python(self, layout: Layout) -> Path | None:
-        """The interpreter that serves."""
-        found = recorded_environment(layout)
-        return found.python if found else None
+        """The interpreter that serves: of a whole environment, or the tests' own in its place."""
+        found, manifest = recorded_environment(layout), read_manifest(layout)
+        own = Path(sys.executable) if manifest and manifest.get("environment") == sys.prefix else None
+        return found.python if found else own
 
 
 def _core() -> Iterator[str]:

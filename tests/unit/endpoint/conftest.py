@@ -4,10 +4,12 @@ from pathlib import Path
 
 import pytest
 from unit.endpoint.endpoint_servers import Wheelhouse
+from warm import Loaded
 
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import resolve
 from octoform.endpoint.environment.model import Environment
+from octoform.endpoint.process import start_stop
 from octoform.state.layout import Layout
 
 
@@ -40,3 +42,9 @@ def wheelhouse(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Wheelhouse:
     monkeypatch.setenv("UV_FIND_LINKS", str(house.folder))
     monkeypatch.setenv("UV_CACHE_DIR", str(tmp_path / "cache"))
     return house
+
+
+@pytest.fixture
+def forks(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the product starts here is a fork of a process that has loaded: for tests of what is served, not started."""
+    monkeypatch.setattr(start_stop, "_Detached", Loaded)

@@ -19,6 +19,8 @@ from octoform.endpoint.process.start_stop import stop
 from octoform.endpoint.published_files import CHECK
 from octoform.state.layout import Layout
 
+pytestmark = pytest.mark.usefixtures("forks")
+
 Seen = tuple[CheckReport, list[Diagnostic]]
 
 

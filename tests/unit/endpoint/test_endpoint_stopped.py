@@ -10,16 +10,18 @@ from pathlib import Path
 import pytest
 from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
-from launched import Launched, launched, tool
+from launched import Launched, policy_of, tool, write
 from raw_mcp import request
 from unit.endpoint.endpoint_servers import HEADER
 from unit.endpoint.endpoint_servers import tool as code
+from warm import Loaded
 
 from octoform.cli.main import main
 from octoform.endpoint.client.terminal import Wanted, call, list_tools
 from octoform.endpoint.dial import Returning, started
 from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import running
+from octoform.endpoint.publication import Service
 from octoform.engine import endpoint_process as engine
 from octoform.state.layout import Layout
 
@@ -28,12 +30,14 @@ SOURCE = HEADER + code("return 1.0")
 
 
 @pytest.fixture
-def stopped(tmp_path: Path) -> Iterator[Launched]:
-    """An endpoint that a person stopped."""
-    with launched(tmp_path / "bench", SOURCE, [tool("read_clock"), tool("read_voltage")]) as endpoint:
-        assert record.mark(endpoint.layout) is None
-        endpoint.stop()
-        yield endpoint
+def stopped(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Launched]:
+    """An endpoint that a person stopped; what starts it here is a fork of a process that has loaded."""
+    tools = [tool("read_clock"), tool("read_voltage")]
+    endpoint = Launched(write(tmp_path / "bench", SOURCE, Service(tools, policy_of(tools))))
+    assert record.mark(endpoint.layout) is None
+    monkeypatch.setattr(start_stop, "_Detached", Loaded)
+    yield endpoint
+    endpoint.stop()
 
 
 def connected(endpoint: Launched, line: bytes) -> subprocess.CompletedProcess[bytes]:

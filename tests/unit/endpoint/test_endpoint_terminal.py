@@ -28,6 +28,8 @@ from octoform.endpoint.client.terminal import (
 from octoform.endpoint.published_files import CHECK
 from octoform.state.layout import Layout
 
+pytestmark = pytest.mark.usefixtures("forks")
+
 BOUNDED = "channel: Annotated[int, Field(ge=1, le=8, description='input 1 to 8')], label: str = ''"
 SLOW = '''
 
