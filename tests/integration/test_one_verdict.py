@@ -103,11 +103,11 @@ def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Itera
 @contextmanager
 def bare(project: Project) -> Iterator[None]:
     """What is run in the block has no such rights, nor has what it starts."""
-    project.prefix = BARE
+    project.user = BARE
     try:
         yield
     finally:
-        project.prefix = []
+        project.user = []
 
 
 def plug_in(host: Host) -> None:
