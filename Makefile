@@ -9,8 +9,8 @@
 # make faults      inject every fault of the campaign into live deployments, TIMES times (default 5), and print a table
 #                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names. Then spoil
 #                  every file of a host MUTATIONS times (default 200; 0 leaves that out). Then kill an apply at each
-#                  durable point, and let an agent attack its supervisor as root and as an ordinary user. Then ten
-#                  thousand commands and faults at random, of which `make test` tries a thousand: no limit is passed
+#                  durable point. Then ten thousand commands and faults at random, of which `make test` tries a
+#                  thousand: no limit is passed
 # make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
 # make coverage    run the unit tests and print how much of each package they reach; TESTS="tests/unit tests/faults" takes
 #                  other ones. Measuring takes time and imports, so a few tests of those fail here
@@ -76,8 +76,7 @@ CAMPAIGN := $(FROM_TESTS) -m campaign
 faults: setup
 	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
 	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --workers $(WORKERS) --only $(ONLY)
-	@EVERY_POINT=1 $(PYTHON) -m pytest -n $(WORKERS) tests/faults/test_faults_crash.py \
-		tests/faults/test_faults_supervision.py
+	@EVERY_POINT=1 $(PYTHON) -m pytest -n $(WORKERS) tests/faults/test_faults_crash.py tests/unit/state/test_state_crash.py
 	@SEEDS=4 COMMANDS=2500 $(PYTHON) -m pytest -n $(WORKERS) tests/integration/test_limits_under_faults.py
 
 soak: setup

@@ -8,8 +8,7 @@ import os
 import shutil
 import tempfile
 import time
-from collections.abc import Iterable, Iterator, Mapping
-from itertools import cycle
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -94,13 +93,6 @@ while True:
 """
 
 
-def in_turn(cases: Iterable[str]) -> list[tuple[str, int]]:
-    """Each case as one user, the next as the other; `make faults` has each as both (EVERY_POINT)."""
-    if os.environ.get("EVERY_POINT"):
-        return [(case, user) for case in cases for user in USERS]
-    return list(zip(cases, cycle(USERS), strict=False))
-
-
 @pytest.fixture(params=USERS, ids=lambda uid: f"uid{uid}")
 def host(request: pytest.FixtureRequest) -> Iterator[Host]:
     assert shutil.which("bwrap"), "bubblewrap is missing; `make setup` installs it"
@@ -133,7 +125,7 @@ def stands(path: Path) -> bool:
     return True
 
 
-@pytest.mark.parametrize(("attack", "host"), in_turn(ATTACKS), indirect=["host"])
+@pytest.mark.parametrize("attack", ATTACKS)
 def test_without_a_sandbox_the_attempt_ends_with_its_supervisor_and_says_so(host: Host, attack: str) -> None:
     code = HIDE + "SUPERVISOR = os.getppid()\n" + ATTACKS[attack]
     began = time.monotonic()
@@ -166,7 +158,7 @@ def nothing_hidden(host: Host) -> None:
     assert stands(host.workdir / "hidden")
 
 
-@pytest.mark.parametrize(("disguise", "host"), in_turn(DISGUISES), indirect=["host"])
+@pytest.mark.parametrize("disguise", DISGUISES)
 def test_what_shows_nothing_of_its_attempt_ends_with_its_supervisor_too(host: Host, disguise: str) -> None:
     """Without a sandbox; octoform becomes the parent of what an agent's supervisor leaves behind."""
     ending = "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)"
@@ -175,9 +167,7 @@ def test_what_shows_nothing_of_its_attempt_ends_with_its_supervisor_too(host: Ho
     nothing_hidden(host)
 
 
-@pytest.mark.parametrize(
-    ("disguise", "host"), in_turn(("another user", "many", "another process all the time")), indirect=["host"]
-)
+@pytest.mark.parametrize("disguise", ["another process all the time", "many", "another user"])
 def test_what_an_agent_leaves_behind_cannot_outrun_its_supervisor(host: Host, disguise: str) -> None:
     done = host.run(disguised(disguise, ""), None, seconds=30)
     assert done["outcome"]["reason"] == "finished", done
@@ -185,7 +175,7 @@ def test_what_an_agent_leaves_behind_cannot_outrun_its_supervisor(host: Host, di
     nothing_hidden(host)
 
 
-@pytest.mark.parametrize(("attack", "host"), in_turn(ATTACKS), indirect=["host"])
+@pytest.mark.parametrize("attack", ATTACKS)
 def test_in_the_sandbox_nobody_finds_the_supervisor_and_nothing_is_left(host: Host, attack: str) -> None:
     """The agent's parent is of its own namespace: ending it ends the agent, and the namespace with it."""
     code = HIDE + "SUPERVISOR = os.getppid()\n" + ATTACKS[attack]

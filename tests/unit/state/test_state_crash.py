@@ -63,6 +63,11 @@ def check_truth(layout: Layout, names: list[str], at: int) -> None:
         assert [name for name, state in store.snapshot.nodes.items() if state.status is Status.INTERRUPTED], names[at]
 
 
+CHANGES = ("written", "renamed", "cleared")
+"""How the points are called behind which something else stands on the disk than at the point before: what a killed
+process has written stays, synced or not. `make faults` kills at the others too (EVERY_POINT)."""
+
+
 @pytest.mark.parametrize("version", [1, 2])
 def test_a_kill_at_any_point_is_survived(quick_path: Path, version: int) -> None:
     clean = quick_path / "clean"
@@ -76,7 +81,9 @@ def test_a_kill_at_any_point_is_survived(quick_path: Path, version: int) -> None
     store = StateStore.open(Layout(clean, "bench"))[0]
     assert store is not None
     wanted = content_digest(store.snapshot.model_copy(update={"lineage": "same"}))
-    for number in range(len(names)):
+    for number, name in enumerate(names):
+        if number and not name.endswith(CHANGES) and not os.environ.get("EVERY_POINT"):
+            continue
         project = quick_path / f"kill{number}"
         shutil.copytree(before, project)
         layout = Layout(project, "bench")
