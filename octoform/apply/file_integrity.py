@@ -110,50 +110,66 @@ def begin(project: Path, wanted: Guarded) -> Watch:
     """Remember what is guarded, and the sizes and times of the rest of the project."""
     folders = tuple(wanted.folders)
     guarded = {path: _look(path) for path in (*wanted.files, *folders)}
+    within: set[Path] = set()
     for folder in folders:
-        guarded |= {path: _look(path) for path in _files(folder)}
-    above = {place for place in _above(guarded) if place.is_relative_to(project)}
-    within = {path for folder in folders for path in _folders(folder)}
-    real = frozenset(place for place in above | within if place.is_dir() and not place.is_symlink())
+        entries, places = _below(folder)
+        guarded |= {path: _look(path) for path in entries}
+        within.update(places)
+    above = _above(guarded)
+    real = frozenset(place for place in {*_in(project, above), *within} if _is_folder(place))
     rooms = {room: names_in(room) for room in wanted.rooms}
     starts = {room: names_in(room, at_start) for room in wanted.starts}
     home = (wanted.home, names_in(wanted.home)) if wanted.home else None
     seen, busy = listing(project), wanted.spared()
-    noted = {path: _look(path) for top in wanted.noted for path in (top, *_files(top))}
+    noted = {path: _look(path) for top in wanted.noted for path in (top, *_below(top)[0])}
     held = _held((project, *sorted(place for place in real if place.parent == project)))
-    ways = _ways(project, wanted, (*guarded, *rooms))
-    rights = _rights({project, *real, *_in_home(wanted.home, guarded)})
+    ways = _ways(project, wanted, above | _above(rooms))
+    rights = _rights({project, *real, *(_in(wanted.home, above) if wanted.home else ())})
     kept = (wanted.installed, busy, wanted.spared, starts, noted, ways, held, rights)
     return Watch(project, guarded, real, folders, rooms, home, seen, *kept)
 
 
-def _ways(project: Path, wanted: Guarded, paths: Iterable[Path]) -> frozenset[Path]:
-    """The places, there or not, that lead to ``paths`` and are no links; not those above a project or a home."""
+def _ways(project: Path, wanted: Guarded, above: set[Path]) -> frozenset[Path]:
+    """The places ``above``, there or not, that are no links; not those above a project or a home."""
     passed = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
-    return frozenset(place for place in _above(paths) - passed if not place.is_symlink())
+    return frozenset(place for place in above - passed if not place.is_symlink())
 
 
-def _in_home(home: Path | None, paths: Iterable[Path]) -> Iterator[Path]:
-    """The home, and the folders in it that lead to the paths."""
-    if home is not None:
-        yield from (place for place in _above(paths) if place.is_relative_to(home))
+def _in(folder: Path, places: Iterable[Path]) -> list[Path]:
+    """Those of the places that are the folder, or lie in it."""
+    start = f"{folder}/".replace("//", "/")
+    return [place for place in places if f"{place}/".startswith(start)]
 
 
 def _above(paths: Iterable[Path]) -> set[Path]:
-    """Every folder above the paths. Many files share few folders, so these are taken first."""
-    folders = {path.parent for path in paths}
-    return {place for folder in folders for place in (folder, *folder.parents)}
+    """Every folder above the paths, each taken once: many files share few folders."""
+    found: set[Path] = set()
+    for path in paths:
+        folder = path.parent
+        while folder not in found:
+            found.add(folder)
+            folder = folder.parent
+    return found
+
+
+def _is_folder(place: Path) -> bool:
+    """Whether a folder is there itself, not a link to one."""
+    try:
+        return stat.S_ISDIR(os.lstat(place).st_mode)
+    except OSError:
+        return False
 
 
 def _rights(folders: Iterable[Path]) -> dict[Path, tuple[int, int, int]]:
-    found = ((folder, _right(folder)) for folder in folders)
+    """The rights of the folders that may be looked at, the upper ones first."""
+    found = ((folder, _right(folder)) for folder in sorted(folders))
     return {folder: right for folder, right in found if right is not None}
 
 
 def _right(folder: Path) -> tuple[int, int, int] | None:
     """Mode, user and group of a folder; None for what is none, or may not be looked at."""
     try:
-        facts = folder.lstat()
+        facts = os.lstat(folder)
     except OSError:
         return None
     return (stat.S_IMODE(facts.st_mode), facts.st_uid, facts.st_gid) if stat.S_ISDIR(facts.st_mode) else None
@@ -176,8 +192,9 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
     # First what closes the way to the rest; once more for the folders that were put back.
     found = [*_reopened(watch), *_moved_back(watch, undone), *_reopened(watch), *_unlinked(watch, undone)]
     for path, before in watch.guarded.items():
-        with _undoing(watch, path, found):
-            found += _undone(watch, path, before, undone)
+        if _look(path) != before:
+            with _undoing(watch, path, found):
+                found += _undone(watch, path, before, undone)
     for folder in watch.folders:
         found += _new(watch, folder, undone)
     found += _entered(watch, undone)
@@ -186,8 +203,8 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
 
 
 def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> list[Diagnostic]:
-    """Put back what was at a guarded path."""
-    if _look(path) == before or _is_spared(watch, path):
+    """Put back what was at a guarded path that has changed."""
+    if _is_spared(watch, path):
         return []
     if path in watch.installed:
         return [_shared(path)]
@@ -211,7 +228,7 @@ def _undoing(watch: Watch, path: Path, found: list[Diagnostic]) -> Iterator[None
 def _reopened(watch: Watch) -> list[Diagnostic]:
     """Give folders their mode and owner again, the upper ones first."""
     found: list[Diagnostic] = []
-    for folder, before in sorted(watch.rights.items()):
+    for folder, before in watch.rights.items():
         if _right(folder) in (before, None) or _is_spared(watch, folder):
             continue
         with _undoing(watch, folder, found):
@@ -246,7 +263,7 @@ def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
 def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
     """Take away each link that has come into a place that leads to a guarded path, which would then lie elsewhere."""
     found: list[Diagnostic] = []
-    for place in sorted(watch.ways):
+    for place in sorted(place for place in watch.ways if _may_be_link(place)):
         with _undoing(watch, place, found):
             if place.is_symlink() and not _is_spared(watch, place):
                 kept = _keep(watch, place, undone)
@@ -255,6 +272,16 @@ def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
                     place.mkdir()
                 found.append(_touched(watch, place, kept))
     return found
+
+
+def _may_be_link(place: Path) -> bool:
+    """Whether a link is there, or what is there cannot be told."""
+    try:
+        return stat.S_ISLNK(os.lstat(place).st_mode)
+    except (FileNotFoundError, NotADirectoryError):
+        return False
+    except OSError:
+        return True
 
 
 def _entered(watch: Watch, undone: Path) -> list[Diagnostic]:
@@ -283,10 +310,11 @@ def _taken(watch: Watch, path: Path, undone: Path) -> list[Diagnostic]:
 def _new(watch: Watch, folder: Path, undone: Path) -> list[Diagnostic]:
     """Take away what was not there before: files, links and whatever else, then the folders that held nothing more."""
     found: list[Diagnostic] = []
-    for path in _files(folder):
+    entries, places = _below(folder)
+    for path in entries:
         if path not in watch.guarded and not _is_spared(watch, path):
             found += _taken(watch, path, undone)
-    for path in sorted(_folders(folder), reverse=True):
+    for path in sorted(places, reverse=True):
         if path in watch.real or path.is_symlink() or _is_spared(watch, path):
             continue
         with _undoing(watch, path, found):
@@ -383,12 +411,13 @@ def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
     now = listing(watch.project)
     new = (path for path, facts in now.items() if watch.seen.get(path) != facts and not path.is_relative_to(undone))
     changed = [path for path, before in watch.noted.items() if _look(path) != before]
-    changed += [path for top in watch.noted if top.is_dir() for path in _files(top) if path not in watch.noted]
+    changed += [path for top in watch.noted if top.is_dir() for path in _below(top)[0] if path not in watch.noted]
     changed += sorted(path for path in new if path not in watch.guarded)
     if watch.home is not None:
         folder, names = watch.home
-        above = {place for path in (watch.project, *watch.guarded) for place in (path, *path.parents)}
-        changed += [path for path in (folder / name for name in sorted(names_in(folder) - names)) if path not in above]
+        come = [folder / name for name in sorted(names_in(folder) - names)]
+        ours = {watch.project, *watch.guarded, *_above((watch.project, *watch.guarded))} if come else set()
+        changed += [path for path in come if path not in ours]
     hint = "check if it is yours; an agent that runs in a sandbox cannot write there"
     summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"
     named = [_name(watch.project, path) for path in changed]
@@ -407,7 +436,7 @@ def _name(project: Path, path: Path) -> str:
 def _look(path: Path) -> _There | None:
     """Never follows a link, and never waits for a pipe that was put in a file's place."""
     try:
-        facts = path.lstat()
+        facts = os.lstat(path)
         mode = facts.st_mode
         if stat.S_ISLNK(mode):
             return _There("link", os.fsencode(path.readlink()))
@@ -449,15 +478,11 @@ def _clear(path: Path) -> None:
         path.unlink()
 
 
-def _files(folder: Path) -> list[Path]:
-    """All that lies below a folder and is none itself; a link to a folder is a link."""
-    found = []
+def _below(folder: Path) -> tuple[list[Path], list[Path]]:
+    """All that lies below a folder and is none itself (a link to a folder is a link); the folder and all below it."""
+    entries, places = [], []
     for root, folders, names in files.walk(folder):
+        places.append(root)
         links = (name for name in folders if (root / name).is_symlink())
-        found += [root / name for name in (*names, *links)]
-    return sorted(found)
-
-
-def _folders(folder: Path) -> list[Path]:
-    """The folder and all folders below it."""
-    return [root for root, _, _ in files.walk(folder)]
+        entries += [root / name for name in (*names, *links)]
+    return sorted(entries), places

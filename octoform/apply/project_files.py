@@ -78,7 +78,7 @@ def is_entry(name: str) -> bool:
 
 def names_in(room: Path, counts: Callable[[str], bool] = is_entry) -> frozenset[str]:
     try:
-        return frozenset(path.name for path in room.iterdir() if counts(path.name))
+        return frozenset(name for name in os.listdir(room) if counts(name))
     except OSError:
         return frozenset()
 
@@ -88,8 +88,12 @@ def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
 
     Not a folder that holds one of ``whole``, nor one that is too large.
     """
-    found = [path] if path.is_symlink() else []
-    if path.is_dir():
+    try:
+        mode = os.lstat(path).st_mode
+    except OSError:
+        return
+    found = [path] if stat.S_ISLNK(mode) else []
+    if stat.S_ISDIR(mode) or (found and path.is_dir()):
         found += [
             place / name for place, *names in files.walk(path) for name in chain(*names) if (place / name).is_symlink()
         ]

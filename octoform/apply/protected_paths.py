@@ -13,13 +13,14 @@ import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
+from itertools import takewhile
 from pathlib import Path
 
 import octoform
 from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
-from octoform.apply.project_files import led_to
+from octoform.apply.project_files import led_to, names_in
 from octoform.base.files import opened, read, walk
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
@@ -129,6 +130,7 @@ _AGENTS = (
     *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
 )
 """What coding agents look for where they are started and above: their instructions, their settings, their programs."""
+_ABOVE = (FILE_NAME, *(name for name in _AGENTS if "/" not in name))
 _FOLDERS_OF_AGENTS = (
     *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),
     *(
@@ -167,8 +169,7 @@ def sources(context: Context) -> Places:
     written += [spec.schema for spec in context.specs.values() if spec.schema is not None]
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
-    theirs = [home(context.environ) / name for name in _FOLDERS_OF_A_LOGIN]
-    theirs += [project / name for name in _FOLDERS_OF_AGENTS]
+    theirs = [*_within(home(context.environ), _FOLDERS_OF_A_LOGIN), *_within(project, _FOLDERS_OF_AGENTS)]
     led = [place for path in (*files, *theirs) for place in led_to(path, (project, home(context.environ)))]
     files += [place for place in led if not place.is_dir()]
     folders += [*theirs, *(place for place in led if place.is_dir())]
@@ -189,6 +190,12 @@ def sources(context: Context) -> Places:
         folders += of_git.folders
         rooms += of_git.rooms
     return Places(*(tuple(dict.fromkeys(paths)) for paths in (files, folders, rooms)))
+
+
+@lru_cache(256)
+def _within(folder: Path, names: tuple[str, ...]) -> tuple[Path, ...]:
+    """The paths of these names in a folder. They are the same at each attempt, and to make them takes long."""
+    return tuple(folder / name for name in names)
 
 
 def home(environ: Mapping[str, str]) -> Path:
@@ -218,8 +225,8 @@ def _git(folder: Path) -> Places:
     modules = _modules(shared / "modules")
     files, folders = [], []
     for place in {folder, shared, *modules}:
-        files += [place / name for name in _OF_A_REPOSITORY]
-        folders += [place / name for name in _FOLDERS_OF_A_REPOSITORY]
+        files += _within(place, _OF_A_REPOSITORY)
+        folders += _within(place, _FOLDERS_OF_A_REPOSITORY)
     files += [place / name for place in shared.glob("worktrees/*") for name in _OF_A_TREE]
     if on_branch(folder):  # otherwise a commit of the person's changes it
         files.append(folder / "HEAD")
@@ -250,8 +257,8 @@ def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
 def _read_at_start(prefix: Path, packages: Path) -> list[Path]:
     """What an interpreter below ``prefix`` goes by before it runs anything."""
     links = (path for path in sorted((prefix / "bin").glob("python*")) if path.is_symlink())
-    named = (path for path in sorted(packages.glob("*")) if path.suffix in (".pth", ".py"))
-    return [*(prefix / name for name in _STARTS), *links, *named]
+    named = (packages / name for name in sorted(names_in(packages)) if name.endswith((".pth", ".py")))
+    return [*_within(prefix, _STARTS), *links, *named]
 
 
 def of_octoform() -> Places:
@@ -267,13 +274,12 @@ def _around(layout: Layout) -> Iterator[Path]:
     for place in (project, *project.parents):
         yield place / ".git"
         if found is not None and place.is_relative_to(found.root):
-            yield from (place / name for name in _GIT)
+            yield from _within(place, _GIT)
     below = (project, layout.local.parent, layout.local, layout.environments)
-    yield from (place / name for place in below for name in _PACKAGES)
+    yield from (path for place in below for path in _within(place, _PACKAGES))
     looked = (project, layout.local.parent, layout.local, layout.attempts)
-    yield from (place / name for place in looked for name in _AGENTS)
-    above = (FILE_NAME, *(name for name in _AGENTS if "/" not in name))
-    yield from (place / name for place in project.parents for name in above)
+    yield from (path for place in looked for path in _within(place, _AGENTS))
+    yield from (path for place in project.parents for path in _within(place, _ABOVE))
 
 
 def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
@@ -282,10 +288,10 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
     given = environ.get("XDG_CONFIG_HOME")
     config = Path(given) if given and Path(given).is_absolute() else own / ".config"
     yield from (own / ".gitconfig", own / ".pip" / "pip.conf")
-    yield from (own / name for name in _OF_A_LOGIN)
+    yield from _within(own, _OF_A_LOGIN)
     yield from _shadows(environ)
-    yield from (Path("/etc") / name for name in _OF_THE_MACHINE)
-    yield from (config / name for name in _OF_A_PERSON)
+    yield from _within(Path("/etc"), _OF_THE_MACHINE)
+    yield from _within(config, _OF_A_PERSON)
     yield from (layout.project / environ[name] for name in _VARIABLES if environ.get(name))
     yield from (Path(environ["ZDOTDIR"]) / name for name in _OF_ZSH if environ.get("ZDOTDIR"))
     yield from (unit_path(layout, environ), watch_path(layout, environ))
@@ -295,15 +301,12 @@ def _personal(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
 def _shadows(environ: Mapping[str, str]) -> Iterator[Path]:
     """Where a program would be before the one that octoform calls by that name; none of them is there."""
     own = [home(environ) / name for name in _BINARIES]
-    yield from (folder / name for folder in own for name in _PROGRAMS if not (folder / name).exists())
+    yield from (path for folder in own for path in _within(folder, _PROGRAMS) if not path.exists())
     named = [Path(name) for name in environ.get("PATH", "").split(os.pathsep) if name.startswith("/")]
     # Nothing in a folder that is closed to this user is started, nor put there by an agent that has the same rights.
     folders = [folder for folder in named if not _closed(folder)]
-    for name in _PROGRAMS:
-        for folder in folders:
-            if (folder / name).exists():
-                break
-            yield folder / name
+    for paths in zip(*(_within(folder, _PROGRAMS) for folder in folders), strict=True):
+        yield from takewhile(lambda path: not path.exists(), paths)
 
 
 def _closed(folder: Path) -> bool:
@@ -431,7 +434,7 @@ def _begun(
     context: Context, files: Iterable[Path], folders: Iterable[Path], rooms: Iterable[Path]
 ) -> file_integrity.Watch:
     project, own = context.layout.project, context.layout.host
-    noted = [home(context.environ) / name for name in _NOTED_OF_A_LOGIN]
+    noted = [*_within(home(context.environ), _NOTED_OF_A_LOGIN)]
     noted += map(Path, _NOTED_OF_THE_MACHINE if os.geteuid() == 0 else ())
     found = repository(project)
     noted += [found.folder / name for name in _NOTED_OF_A_TREE] if found is not None else []
