@@ -9,7 +9,6 @@ from octoform import __version__, events
 from octoform.apply.context import Context, Tally, accepted
 from octoform.apply.destroy import take_away
 from octoform.apply.endpoint_node import run_endpoint
-from octoform.apply.privileged_step import run_step
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage import reuse
 from octoform.apply.stage.acceptance import Finished, Verdict
@@ -189,6 +188,9 @@ def _run(context: Context, node: Node, action: PlannedAction, again: _Again | No
     if node.kind is NodeKind.ENDPOINT:
         return run_endpoint(context, anew=action.action is Action.REPLACE)
     if node.kind is NodeKind.STEP:
+        # Imported here: most manifests name no step, and to load its trials and cameras takes long.
+        from octoform.apply.privileged_step import run_step
+
         return run_step(context, node.name)
     if again is not None:
         return run_stage(context, node.name, again.failed)

@@ -78,7 +78,8 @@ def is_entry(name: str) -> bool:
 
 def names_in(room: Path, counts: Callable[[str], bool] = is_entry) -> frozenset[str]:
     try:
-        return frozenset(name for name in os.listdir(room) if counts(name))
+        with os.scandir(room) as entries:
+            return frozenset(entry.name for entry in entries if counts(entry.name))
     except OSError:
         return frozenset()
 

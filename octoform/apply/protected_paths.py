@@ -170,7 +170,8 @@ def sources(context: Context) -> Places:
     files = [*written, project / ".octoform" / ".gitignore", *_around(layout), *_personal(layout, context.environ)]
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
     theirs = [*_within(home(context.environ), _FOLDERS_OF_A_LOGIN), *_within(project, _FOLDERS_OF_AGENTS)]
-    led = [place for path in (*files, *theirs) for place in led_to(path, (project, home(context.environ)))]
+    whole = (project, home(context.environ))
+    led = [place for path in (*files, *theirs) for place in led_to(path, whole)]
     files += [place for place in led if not place.is_dir()]
     folders += [*theirs, *(place for place in led if place.is_dir())]
     rooms = [project / ".octoform"]

@@ -110,18 +110,13 @@ def _int(digits: str) -> int:
 
 def deeper_than(value: object, limit: int) -> bool:
     """True when lists and objects in a JSON value are nested more than ``limit`` levels deep."""
-    level = [value]
+    level = [value] if isinstance(value, (dict, list)) else []
     for _ in range(limit):
-        below: list[object] = []
-        for item in level:
-            if isinstance(item, dict):
-                below.extend(item.values())
-            elif isinstance(item, list):
-                below.extend(item)
-        if not below:
+        if not level:
             return False
-        level = below
-    return any(isinstance(item, dict | list) for item in level)
+        inside = (item.values() if isinstance(item, dict) else item for item in level)
+        level = [item for items in inside for item in items if isinstance(item, (dict, list))]
+    return bool(level)
 
 
 def _has_lone_surrogate(value: object) -> bool:

@@ -51,6 +51,20 @@ class Usage:
 
 
 @dataclass(frozen=True, slots=True)
+class Excerpt:
+    """Text of at most the asked bytes, to be fenced as data like any log.
+
+    ``condensed``: it is a model's summary; else it is the log's end, and ``reason`` states why it is when a summary was
+    wanted. ``usage`` is what the summary cost.
+    """
+
+    text: str
+    condensed: bool = False
+    reason: str = ""
+    usage: Usage = field(default_factory=Usage)
+
+
+@dataclass(frozen=True, slots=True)
 class Price:
     """US dollars for a million tokens: fresh input, input read from a cache, output; and whose table it is from."""
 

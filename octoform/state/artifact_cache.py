@@ -131,9 +131,9 @@ def _write(layout: Layout, index: _Index) -> Diagnostic | None:
     problem = write_atomic(layout.kept / _INDEX, text, 0o600)
     if problem is not None:
         return problem
-    named = {_place(layout, one) for generations in index.values() for each in generations for one in each.values()}
+    named = {_name(one) for generations in index.values() for each in generations for one in each.values()}
     for path in layout.kept.iterdir():
-        if path.name != _INDEX and path not in named and not path.is_dir():
+        if path.name != _INDEX and path.name not in named and not path.is_dir():
             path.unlink(missing_ok=True)
     return None
 
@@ -157,7 +157,12 @@ def _copy(layout: Layout, wanted: str) -> bytes | None:
 
 
 def _place(layout: Layout, wanted: str) -> Path:
-    return layout.kept / Path(wanted.removeprefix(digest.PREFIX)).name
+    return layout.kept / _name(wanted)
+
+
+def _name(wanted: str) -> str:
+    """The name of the copy with that digest; no path, whatever an index that was written by another says."""
+    return wanted.removeprefix(digest.PREFIX).rpartition("/")[2]
 
 
 # Whether an accepted file that is not as it was accepted is damaged or was edited, and where what was there is put.

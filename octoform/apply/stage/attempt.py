@@ -24,9 +24,9 @@ from octoform.base import files, shortage
 from octoform.base.digest import of_large_file
 from octoform.base.files import parse, private_folder, replace
 from octoform.diagnostics import Diagnostic, has_errors, to_json
-from octoform.harness.llm.completion import Excerpt, LiteLLMCompletion, condense
 from octoform.harness.port import (
     AgentEvent,
+    Excerpt,
     Harness,
     Outcome,
     Said,
@@ -229,6 +229,9 @@ def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
     settings = context.manifest.housekeeping
     if failed is None or failed.log is None or settings is None:
         return Excerpt("")
+    # Imported here: few manifests name such a model, and what talks to it takes long to load.
+    from octoform.harness.llm.completion import LiteLLMCompletion, condense
+
     excerpt = condense(failed.log, MOST_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
     if excerpt.reason:
         context.emit(

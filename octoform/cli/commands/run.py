@@ -114,10 +114,13 @@ def execute(arguments: Namespace, screen: Console, request: Request, planfile: s
 
 def status_of(result: RunResult) -> int:
     """1 when something failed or was refused, 3 (degraded) when devices are closed to this user, else 0."""
+    if result.failed or not (result.incomplete or result.silent):
+        return int(bool(result.failed))
+    # Imported here: it is seldom needed, and loads half of the daemon.
     from octoform.daemon.model import Status
     from octoform.views.daemon.event_log import EXIT
 
-    return 1 if result.failed else EXIT[Status.DEGRADED] if result.incomplete or result.silent else 0
+    return EXIT[Status.DEGRADED]
 
 
 def _options(arguments: Namespace, planfile: str | None = None) -> Options:

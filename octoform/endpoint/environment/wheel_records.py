@@ -9,9 +9,10 @@ import base64
 import csv
 import hashlib
 import io
+import posixpath
 import re
 from collections.abc import Iterator
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 
 from octoform.base.files import head, stream
 
@@ -42,7 +43,7 @@ def conflicts(folder: Path) -> dict[str, tuple[str, ...]]:
     found: dict[str, set[str]] = {}
     for file, names in owners.items():
         if len(names) > 1:
-            found.setdefault(PurePosixPath(file).parts[0].removesuffix(".py"), set()).update(names)
+            found.setdefault(file.partition("/")[0].removesuffix(".py"), set()).update(names)
     return {module: tuple(sorted(names)) for module, names in sorted(found.items())}
 
 
@@ -50,9 +51,9 @@ def providers(folder: Path) -> dict[str, frozenset[str]]:
     """Top-level module to the distributions that have files of it, by their normalised names."""
     found: dict[str, set[str]] = {}
     for name, file, _ in _listed(folder):
-        module = PurePosixPath(file).parts[0].partition(".")[0]
-        found.setdefault(module, set()).add(_normalised(name))
-    return {module: frozenset(names) for module, names in found.items()}
+        module = file.partition("/")[0].partition(".")[0]
+        found.setdefault(module, set()).add(name)
+    return {module: frozenset(map(_normalised, names)) for module, names in found.items()}
 
 
 def requirements(folder: Path) -> dict[str, frozenset[str]]:
@@ -79,8 +80,9 @@ def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:
     for record in sorted(folder.glob(f"*{_DIST_INFO}/{_RECORD}")):
         name = record.parent.name.removesuffix(_DIST_INFO).partition("-")[0].replace("_", "-")
         for file, digest in _rows(record):
-            parts = PurePosixPath(file).parts
-            inside = len(parts) > 0 and parts[0] not in ("..", "/") and not parts[0].endswith(_DIST_INFO)
+            file = posixpath.normpath(file)
+            parts = file.split("/")
+            inside = parts[0] not in ("", ".", "..") and not parts[0].endswith(_DIST_INFO)
             if inside and "__pycache__" not in parts:
                 yield name, file, digest
 

@@ -59,7 +59,8 @@ def own() -> Iterator[Process]:
     for entry in entries:
         if not entry.name.isdigit() or int(entry.name) in spared:
             continue
-        found = look(int(entry.name)) if os.getuid() in (0, *_users(entry.name)) else None
+        signalled = os.getuid() == 0 or os.getuid() in _users(entry.name)
+        found = look(int(entry.name)) if signalled else None
         if found is not None and found.state not in "ZX":
             yield found
 

@@ -23,7 +23,7 @@ from octoform.harness.event_parser import count, json_object, one_line, trouble
 from octoform.harness.event_parser import field as at
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.llm.route import HARNESS, Route, route
-from octoform.harness.port import ExitReason, Usage
+from octoform.harness.port import Excerpt, ExitReason, Usage
 from octoform.manifest.model import HarnessSpec, Housekeeping
 from octoform.manifest.references import resolve
 from octoform.protocol.prompt import fenced, tail
@@ -170,20 +170,6 @@ BEGINNING = "WHAT FAILED"
 HEAD_BYTES = 16 << 10
 TAIL_BYTES = 48 << 10
 MOST_LINES = 100
-
-
-@dataclass(frozen=True, slots=True)
-class Excerpt:
-    """Text of at most the asked bytes, to be fenced as data like any log.
-
-    ``condensed``: it is a model's summary; else it is the log's end, and ``reason`` states why it is when a summary was
-    wanted. ``usage`` is what the summary cost.
-    """
-
-    text: str
-    condensed: bool = False
-    reason: str = ""
-    usage: Usage = field(default_factory=Usage)
 
 
 def condense(log: Path, bound_bytes: int, completion: Completion | None) -> Excerpt:

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic, warning
-from octoform.harness.llm.completion import MOST_LINES, Condensed, Excerpt, condense
-from octoform.harness.port import Usage
+from octoform.harness.llm.completion import MOST_LINES, Condensed, condense
+from octoform.harness.port import Excerpt, Usage
 
 SUMMARY = "WHAT FAILED: the disk was full"
 
