@@ -224,7 +224,8 @@ def _git(folder: Path) -> Places:
     """
     shared = _shared(folder)
     modules = _modules(shared / "modules")
-    files, folders = [], []
+    files: list[Path] = []
+    folders: list[Path] = []
     for place in {folder, shared, *modules}:
         files += _within(place, _OF_A_REPOSITORY)
         folders += _within(place, _FOLDERS_OF_A_REPOSITORY)
