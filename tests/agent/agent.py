@@ -26,7 +26,6 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
 Every call is one line in SCRIPT.log, so that a test can count them.
 """
 
-import importlib.metadata
 import json
 import os
 import shutil
@@ -53,6 +52,8 @@ def good(stage: str) -> str:
 
 
 def found(name: str) -> str:
+    import importlib.metadata  # loaded by the one stage that needs it: it takes as long as all the rest
+
     return importlib.metadata.version(name)
 
 
