@@ -102,9 +102,9 @@ def observe(layout: Layout, expected: Expected | None = None) -> EndpointFacts:
 
 
 def _files(layout: Layout, files: Mapping[str, str]) -> list[str]:
-    reasons = []
+    reasons, folder = [], layout.endpoint
     for name, digest in sorted(files.items()):
-        path = layout.endpoint / name
+        path = folder / name
         what = _WORDS.get(name, f"the endpoint's {name}")
         present = file_digest(path)
         if present is None:

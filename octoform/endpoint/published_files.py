@@ -55,11 +55,11 @@ def files_below(folder: Path) -> dict[str, str]:
     The digest is empty where a file cannot be read: an editor leaves links there that lead nowhere.
     """
     entries = {}
+    start = len(f"{folder}/")
     for root, folders, names in walk(folder):
         folders[:] = sorted(name for name in folders if name != "__pycache__")
         for name in sorted(names):
-            path = root / name
-            entries[path.relative_to(folder).as_posix()] = file_digest(path) or ""
+            entries[f"{root}/{name}"[start:]] = file_digest(root / name) or ""
     return entries
 
 

@@ -5,6 +5,7 @@ One place for paths, so that no other module joins strings: ``state/<host>/`` is
 """
 
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
@@ -32,19 +33,19 @@ def is_left(layout: "Layout") -> bool:
     return any((layout.local / name).exists() for name in ("candidate", "adopting.json", UNATTENDED))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Layout:
     """All paths of one host below a project folder (the folder of octopus.yaml, absolute)."""
 
     project: Path
     host: str
 
-    @property
+    @cached_property
     def committed(self) -> Path:
         """``state/<host>``: what git keeps."""
         return self.project / "state" / self.host
 
-    @property
+    @cached_property
     def local(self) -> Path:
         """``.octoform/<host>``, mode 0700: what never leaves the machine."""
         return self.project / ".octoform" / self.host

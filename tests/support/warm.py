@@ -34,6 +34,7 @@ from octoform.endpoint.process.record import MARK
 from octoform.endpoint.published_files import SERVE_SCRIPT, read_manifest
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import load as load_profiles
+from octoform.protocol.prompt import _environment
 from octoform.protocol.spec_loader import load as load_specs
 from octoform.state.layout import Layout
 
@@ -131,9 +132,11 @@ def _keeper(*prefix: str) -> socket.socket:
 def keep(orders: socket.socket) -> int:
     """The loaded process: fork for each order, tell the exit of each fork; 0 when there is nobody left to order."""
     atexit.register(_leave)  # the first, which is carried out last
-    for name in _core():
+    for name in (*_core(), "packaging.requirements"):
         importlib.import_module(name)
     # To parse these takes as long as a short command; what a project changes in its copies is parsed there.
+    for template in _environment().list_templates():
+        _environment().get_template(template)
     load_specs(None)
     load_profiles(sorted(shipped().glob("*.md")))
     gc.freeze()  # a collection in a fork would copy all that is loaded
