@@ -176,8 +176,8 @@ def _layout(
     if host is not None:
         layout: Layout | None = Layout(project, host)
         found: list[Diagnostic] = []
-    elif (plan := memo.recall(project, environ)) is not None:
-        layout, found = Layout(project, plan.host), []
+    elif (remembered := memo.recall(project, environ)) is not None:
+        layout, found = Layout(project, remembered.plan.host), []
     else:
         compiled, found = compile_project(project, environ)
         layout = compiled.layout if compiled else None

@@ -68,17 +68,17 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
 
 
 def _status(project: Path, environ: Mapping[str, str]) -> Status:
-    plan = memo.recall(project, environ)
-    warnings: tuple[Diagnostic, ...] = ()
-    if plan is None:
+    remembered = memo.recall(project, environ)
+    if remembered is not None:
+        plan, told = remembered.plan, remembered.diagnostics
+    else:
         from octoform.engine.plan.plan import Request, prepare  # heavy, and only what has changed pays for it
 
         outlook, found = prepare(Request(project, environ))
         if outlook is None:
             return Status("", None, diagnostics=tuple(found))
-        # A plan that has such a warning is never remembered, so a remembered one has none.
-        warnings = tuple(item for item in found if item.code == UNMATCHED)
-        plan = outlook.plan
+        plan, told = outlook.plan, tuple(found)
+    warnings = tuple(item for item in told if item.code == UNMATCHED)
     return replace(_compared(Layout(project, plan.host), plan), warnings=warnings)
 
 

@@ -30,7 +30,10 @@ def run_plan(arguments: Namespace, project: Path, screen: Console) -> int:
     more = ("target", "replace", "out", "destroy", "no_reuse", "tier1")
     usual = not any(getattr(arguments, name) for name in more)
     remembered = memo.recall(project, os.environ) if usual else None
-    return _show(arguments, screen, remembered) if remembered is not None else _compile(arguments, project, screen)
+    if remembered is None:
+        return _compile(arguments, project, screen)
+    status = problems.show(screen, remembered.diagnostics)
+    return max(status, _show(arguments, screen, remembered.plan, diagnostics=remembered.diagnostics))
 
 
 def _compile(arguments: Namespace, project: Path, screen: Console) -> int:

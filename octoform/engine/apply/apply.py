@@ -410,20 +410,24 @@ class _Run:
         outlook = None if tally.failed or self.request.destroy else prepare(request)[0]
         # A manifest that was edited meanwhile may name other files and variables than those that were looked at.
         same = outlook is not None and _sources(outlook.compiled) == _sources(self.outlook.compiled)
-        if outlook is None or not outlook.plan.empty or not same or _has_strays(outlook):
+        if outlook is None or not outlook.plan.empty or not same or _has_offers(outlook):
             path.unlink(missing_ok=True)
         else:
-            write_atomic(path, plan_cache.document(outlook.plan, ground), 0o600)
+            told = tuple(item for item in outlook.diagnostics if item.code in _LASTING)
+            write_atomic(path, plan_cache.document(plan_cache.Remembered(outlook.plan, told), ground), 0o600)
 
     def _ground(self, compiled: Compiled) -> dict[str, Any]:
         files, chosen = _sources(compiled)
         return plan_cache.rests_on(self.request.project, compiled.layout.host, files, chosen, self.request.environ)
 
 
-def _has_strays(outlook: Outlook) -> bool:
-    """Whether there is something to say that a plan from the memo would not say."""
-    told = (device_knowledge.STRAY, device_knowledge.OFFERED, device_knowledge.UNMATCHED)
-    return any(item.code in told for item in outlook.diagnostics)
+_LASTING = (device_knowledge.STRAY, device_knowledge.UNMATCHED)
+"""What a plan from the memo says as well: it rests on the manifest and on what was accepted, as the memo does."""
+
+
+def _has_offers(outlook: Outlook) -> bool:
+    """Whether a profile is offered: that rests on those that come with octoform, which the memo does not look at."""
+    return any(item.code == device_knowledge.OFFERED for item in outlook.diagnostics)
 
 
 def _sources(compiled: Compiled) -> tuple[tuple[str, ...], tuple[str, ...]]:

@@ -9,20 +9,21 @@ long way is taken. Light: no import beyond the standard library's cheap parts.
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import octoform
-from octoform import host
+from octoform import diagnostics, host
 from octoform.base import digest, files
+from octoform.diagnostics import Diagnostic
 from octoform.endpoint.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
 from octoform.state.git_head import head_revision, repository
 from octoform.state.layout import Layout
 
-FORMAT = 1
+FORMAT = 2
 MANIFEST = "octopus.yaml"
 LOCAL = ("journal.jsonl", "instances.json")
 SETTINGS = ("OCTOFORM_SYSROOT",)
@@ -34,11 +35,26 @@ def path_of(project: Path) -> Path:
     return project / ".octoform" / "compiled.json"
 
 
-def recall(project: Path, environ: Mapping[str, str]) -> Plan | None:
+@dataclass(frozen=True, slots=True)
+class Remembered:
+    """A plan without work, and what is to be said with it whenever it is shown."""
+
+    plan: Plan
+    diagnostics: tuple[Diagnostic, ...] = ()
+
+
+def recall(project: Path, environ: Mapping[str, str]) -> Remembered | None:
     """The remembered plan without work if everything it rests on is as it was; None means: take the long way."""
     memo = _read(path_of(project))
     if memo is None or not _same(memo, project, environ):
         return None
+    plan = _current(memo, project)
+    told = tuple(map(diagnostics.from_json, memo["diagnostics"]))
+    return Remembered(plan, told) if plan is not None else None
+
+
+def _current(memo: Mapping[str, Any], project: Path) -> Plan | None:
+    """The plan, with what git says now; None where the endpoint is not as it was left, or git does not say."""
     plan = from_json(memo["plan"])
     layout = Layout(project, plan.host)
     if observe(layout).reasons or running_beside(layout):
@@ -192,7 +208,8 @@ def rests_on(
     }
 
 
-def document(plan: Plan, ground: Mapping[str, Any]) -> bytes:
+def document(made: Remembered, ground: Mapping[str, Any]) -> bytes:
     """The memo of a plan without work, made from ``ground`` (see `rests_on`): its own digest, then one line of JSON."""
-    text = digest.canonical_json({"format": FORMAT, **ground, "plan": to_json(plan)})
+    told = [diagnostics.to_json(item) for item in made.diagnostics]
+    text = digest.canonical_json({"format": FORMAT, **ground, "plan": to_json(made.plan), "diagnostics": told})
     return digest.of_bytes(text).encode() + b"\n" + text

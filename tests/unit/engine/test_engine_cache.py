@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -288,6 +289,39 @@ def test_with_a_memo_nothing_heavy_is_imported(bench: Bench, command: str) -> No
     done = subprocess.run(program, capture_output=True, text=True, check=True, env=dict(os.environ))
     imported = {name.partition(".")[0] for name in json.loads(done.stdout.splitlines()[-1].replace("'", '"'))}
     assert imported.isdisjoint(HEAVY)
+
+
+def test_the_memo_says_the_warnings_that_the_long_way_says(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A chosen profile that matches no device, and an answer about a device that is not there, last until edited."""
+    project = tmp_path / "project"
+    shutil.copytree(SHIPPED, project / "protocol")
+    (project / "profiles").mkdir()
+    (project / "profiles" / "rail.md").write_text(PROFILE.replace("lamp", "rail").replace("USB Serial", "No Such"))
+    manifest = MANIFEST.replace("lamp.md", "rail.md") + "answers: {usb-ffff-0001: a lamp}\n"
+    (project / "octopus.yaml").write_text(manifest)
+    bench = Bench(project, tmp_path / "root")
+    bench.hardware("usb:v0A0Ap0001d0100")
+    monkeypatch.setenv("OCTOFORM_SYSROOT", str(bench.root))
+    monkeypatch.setenv("AGENT_TOKEN", "one")
+    Settled(project, os.environ).apply()
+    assert bench.run("apply", "-auto-approve") == 0
+    assert bench.hit()
+    capsys.readouterr()
+    aside = bench.memo.with_suffix(".aside")
+    for command, where in ((["plan"], 1), (["plan", "-json"], 0)):
+        said = []
+        for place in (bench.memo, aside):
+            bench.memo.rename(place)
+            bench.run(*command)
+            said.append([re.sub('"@timestamp": "[^"]*"', "", text) for text in capsys.readouterr()])
+        aside.rename(bench.memo)
+        assert said[0] == said[1]
+        assert "PROFILE-UNMATCHED" in said[0][where] and "PLAN-ANSWER-WITHOUT-DEVICE" in said[0][where]
+    bench.run("status", "-json")
+    (warning,) = json.loads(capsys.readouterr().out)["warnings"]
+    assert "rail" in warning["summary"]
 
 
 def git(folder: Path, *arguments: str) -> None:
