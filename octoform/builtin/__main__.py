@@ -4,6 +4,7 @@ Each stage's module is imported only when it is asked for: PROBE must not wait f
 Exit status: 0 when the output was written, 1 with one line of reason on stderr otherwise.
 """
 
+import gc
 import resource
 import sys
 from importlib import import_module
@@ -41,5 +42,6 @@ def main(arguments: list[str]) -> int:
 
 
 if __name__ == "__main__":
+    gc.set_threshold(50_000, 20, 50)  # it ends soon, and walks through trees in which there is no garbage
     resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
     sys.exit(main(sys.argv[1:]))

@@ -83,7 +83,7 @@ def test_the_host_is_known_while_its_manifest_is_the_one_of_the_memo_whatever_el
     assert memo.host_of(tmp_path) is None
     ground: Mapping[str, Any] = memo.rests_on(tmp_path, "bench", [str(manifest)], [], {})
     memo.path_of(tmp_path).parent.mkdir()
-    memo.path_of(tmp_path).write_bytes(memo.document(_plan(tmp_path), ground))
+    memo.path_of(tmp_path).write_bytes(memo.document(memo.Remembered(_plan(tmp_path)), ground))
     (tmp_path / "protocol").mkdir()
     (tmp_path / "protocol" / "probe.md").write_text("edited")
     assert memo.recall(tmp_path, {}) is None
