@@ -5,9 +5,9 @@ class name is its type in the JSON stream, so a new event is an additive change 
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,10 +17,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.digest import of_bytes
+from octoform.records import dataclass
 
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 MODALIAS_BYTES = 1024

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -17,6 +17,7 @@ from octoform.harness.port import Usage
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step
+from octoform.records import dataclass
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import STAGES, Layout
 from octoform.state.reusable import Donors

@@ -1,13 +1,14 @@
 """How an agent of the daemon ended, in the words of anyone who asked: the result that crosses to the other process."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from octoform.apply.stage.acceptance import Finished
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.harness.port import Usage
+from octoform.records import dataclass
 
 DETAIL_CHARACTERS = 600
 HOPELESS = frozenset(

@@ -12,7 +12,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import takewhile
 from pathlib import Path
@@ -39,6 +39,7 @@ from octoform.endpoint.published_files import (
 )
 from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
+from octoform.records import dataclass
 from octoform.state import attempts
 from octoform.state.git_head import head_revision, on_branch, repository
 from octoform.state.git_repository import configuration_files

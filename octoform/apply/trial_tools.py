@@ -5,13 +5,13 @@ The person who switched the step on in the manifest has said yes to its movement
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Protocol
 
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import Nobody, Wanted, call
 from octoform.perception.capture import Picture, take
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 CALL_SECONDS = 60.0

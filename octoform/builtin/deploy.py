@@ -16,7 +16,6 @@ import sys
 import time
 import tomllib
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
@@ -27,6 +26,7 @@ from octoform.base import shortage
 from octoform.base.files import head
 from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.task import Task, TaskRefused
+from octoform.records import dataclass
 
 # What a server's text says about itself: the dependencies in its header (PEP 723) and the modules that it imports.
 

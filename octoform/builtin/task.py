@@ -9,11 +9,12 @@ import json
 import os
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read_json, replace
+from octoform.records import dataclass
 
 STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", "heal")
 """What this agent does; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""

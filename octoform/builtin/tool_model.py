@@ -1,8 +1,10 @@
 """What the catalog reports about a tool before any host is known."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
+
+from octoform.records import dataclass
 
 # Writes JSON Schemas in few words, in exactly the form that the generated server's own types give.
 #

@@ -2,11 +2,11 @@
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.clock import parse_stamp
 from octoform.builtin.task import Task, TaskRefused
+from octoform.records import dataclass
 
 # The input of WATCH as the embedded agent asks it: what is newest, what failed and is not over, what is attached.
 

@@ -9,7 +9,7 @@ import contextlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from octoform.claims.admission import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State, holds
 from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass
 from octoform.state.files import read_regular, shown, write_atomic
 
 FORMAT = 1

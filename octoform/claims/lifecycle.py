@@ -7,7 +7,7 @@ loosest that ended is the tightest that agents get from then on.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from octoform.claims.model import Channel, Claim, Condition, Reading, Restrictio
 from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Settings, ToolFacts
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, write_atomic
 
 MOST_ENDED = 200

@@ -6,12 +6,13 @@ held, and it is in force only until a fresh reading of that signal says otherwis
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from typing import Any
 
 from octoform import conditions
 from octoform.conditions import is_number
+from octoform.records import dataclass
 
 Value = bool | int | float | str | None
 

@@ -5,10 +5,10 @@ does not exist for the report. (Light.)
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.clock import parse_stamp
+from octoform.records import dataclass
 
 SENSOR, LOG, FRAME, KERNEL, PROCESS = "sensor", "log", "frame", "kernel", "process"
 _TOLD_OF_A_PARAMETER = ("type", "enum", "minimum", "maximum", "default")

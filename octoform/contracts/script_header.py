@@ -5,11 +5,11 @@ The header makes the file runnable by itself and is the claim that DEPLOY proves
 
 import re
 import tomllib
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.records import dataclass
 
 _BLOCK = re.compile(r"(?m)^# /// script$\s(?P<content>(?:^#(?:| .*)$\s)+)^# ///$")
 _REQUIREMENT = re.compile(

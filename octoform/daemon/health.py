@@ -5,7 +5,7 @@ and no agent's word makes anything healthy. What cannot report is ``unknown``, n
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 from octoform.base.files import record
@@ -13,6 +13,7 @@ from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Kind, Outcome, Status
 from octoform.daemon.signals import Silence, answered, newest, reporting, silent
 from octoform.endpoint.drift import OTHER_TOOLS
+from octoform.records import dataclass
 
 FORMAT = 1
 ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)

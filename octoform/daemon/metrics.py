@@ -7,7 +7,7 @@ where the manifest names a file.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,6 +15,7 @@ from octoform.daemon.health import Health
 from octoform.daemon.model import Outcome, Status
 from octoform.daemon.store.incidents import Episode
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 from octoform.state.files import write_atomic
 
 if TYPE_CHECKING:

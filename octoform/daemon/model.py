@@ -6,7 +6,7 @@ problem are one *incident*.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -14,6 +14,7 @@ from octoform.base.digest import of_value, short
 from octoform.claims.model import Reading, Signal
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
+from octoform.records import dataclass
 
 
 class Cause(StrEnum):

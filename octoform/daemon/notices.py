@@ -17,7 +17,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from html import escape as for_markup
 from pathlib import Path
 
@@ -29,6 +29,7 @@ from octoform.daemon.model import Alert, Kind
 from octoform.daemon.store.json_store import FORMAT, Shelf
 from octoform.manifest.model import Notify
 from octoform.manifest.references import names, resolve
+from octoform.records import dataclass
 from octoform.redaction import found_in
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout

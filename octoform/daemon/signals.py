@@ -1,13 +1,13 @@
 """What ought to report, and what does: health needs it, and an agent is informed of it."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base import clock
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.observe.samples import tool_of
 from octoform.endpoint.expected_tools import hidden, promised
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 # What ought to report and does not: health needs coverage, whoever switched a unit off and why. (Light.)

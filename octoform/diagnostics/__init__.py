@@ -5,10 +5,11 @@ raise. Rendering is the views' business: nothing here prints.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import StrEnum
 
 from octoform.base.escaping import escape_of
+from octoform.records import dataclass
 
 
 class Severity(StrEnum):

@@ -17,12 +17,12 @@ import threading
 import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
-from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import IO, ClassVar
 
 from octoform.base import processes, shortage
+from octoform.records import dataclass
 
 MARK = "OCTOFORM_RUN"
 OUTPUT_LIMIT = 8_000_000

@@ -6,7 +6,6 @@ has nothing to do stays fast (a few milliseconds).
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from octoform.endpoint.published_files import (
     read_manifest,
     written_for,
 )
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 OTHER_TOOLS = "tools differ"

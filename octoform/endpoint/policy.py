@@ -6,12 +6,12 @@ source can widen what another one set.
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
 from octoform.base import durations
 from octoform.manifest.model import Limit, Policy
+from octoform.records import dataclass
 
 if TYPE_CHECKING:
     from octoform.profiles.model import Profile

@@ -10,7 +10,7 @@ import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
 
@@ -42,6 +42,7 @@ from octoform.endpoint.published_files import (
     program_files,
     read_manifest,
 )
+from octoform.records import dataclass
 from octoform.state.artifact_cache import ENDPOINT, forget, keep
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout

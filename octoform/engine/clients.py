@@ -6,7 +6,7 @@ where it has one that is known; the caller's word goes before both.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -21,6 +21,7 @@ from octoform.endpoint.process.record import running
 from octoform.endpoint.publication import client_command, lasting_client_command
 from octoform.engine.plan import memo
 from octoform.engine.plan.configuration import compile_project
+from octoform.records import dataclass
 from octoform.state.files import foreign
 from octoform.state.layout import Layout
 

@@ -6,12 +6,13 @@ all of them, so a pass ends where the next attempt is of an earlier stage, or be
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, NamedTuple, TypeVar
 
 from octoform.apply.stage.escalation import merged
 from octoform.apply.stage.serve_feedback import RETURNS
 from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
+from octoform.records import dataclass
 from octoform.state.layout import STAGES
 
 # Whether a host's devices are told to be the same in every run, and the same way usable; pure.

@@ -11,7 +11,7 @@ import shutil
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,6 +43,7 @@ from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.manifest.loader import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 LITELLM = "litellm"

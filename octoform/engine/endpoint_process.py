@@ -4,7 +4,6 @@ import getpass
 import os
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import private_folder
@@ -15,6 +14,7 @@ from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.process.systemd import watch_name, watch_path, watch_text, watches
 from octoform.endpoint.published_files import LAUNCHER, of_another
 from octoform.engine.tools import layout_of
+from octoform.records import dataclass
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

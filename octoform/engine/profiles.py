@@ -3,7 +3,6 @@
 import json
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.profile_paths import located
 from octoform.profiles import Profile, load, match_rule
 from octoform.profiles.match_rule import Judged
+from octoform.records import dataclass
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
 

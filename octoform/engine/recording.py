@@ -9,7 +9,7 @@ import re
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from octoform import __version__
@@ -28,6 +28,7 @@ from octoform.harness.recording import FILE_NAME, NAME
 from octoform.harness.recording import MOST_BYTES as MAX_RECORDING_BYTES
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
+from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, shown
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.store.lock import acquire

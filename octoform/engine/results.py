@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 from octoform.diagnostics import Diagnostic
 from octoform.events import Event
 from octoform.plan.model import OpenQuestion, Plan
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

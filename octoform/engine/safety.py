@@ -4,7 +4,6 @@ import os
 import pwd
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +19,7 @@ from octoform.endpoint.access.tunnel import revoke as end_tunnel
 from octoform.endpoint.process import estop
 from octoform.endpoint.process.estop import Estop
 from octoform.engine.tools import layout_of
+from octoform.records import dataclass
 from octoform.state.files import foreign_among
 from octoform.state.layout import Layout
 

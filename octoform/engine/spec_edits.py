@@ -5,7 +5,7 @@ output was made with exactly that text, promoting it makes nothing again.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -18,6 +18,7 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.spec_loader import load_one, load_step
+from octoform.records import dataclass
 from octoform.state import attempts
 from octoform.state.attempts import PendingEdit
 from octoform.state.files import write_atomic

@@ -1,7 +1,6 @@
 """The live endpoint for a person: its tools, one call. Light where apply's memo knows the host."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import CHECK, read_policy
 from octoform.engine.plan import memo
+from octoform.records import dataclass
 from octoform.state.files import foreign, read_regular
 from octoform.state.layout import Layout
 

@@ -8,11 +8,11 @@ next, and counts as nothing until then.
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 
 Fetch = Callable[[str, Path], str | None]
 """Put one requirement (``name==version``) of the Python package index into a folder; why not, or None."""

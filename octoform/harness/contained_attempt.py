@@ -9,7 +9,7 @@ import os
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 
 from octoform.base.files import parse, read_plain
@@ -20,6 +20,7 @@ from octoform.harness.event_parser import Dialect
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
 from octoform.harness.watcher import Watcher
 from octoform.manifest.model import Sandbox
+from octoform.records import dataclass
 
 # What an agent says its run cost, read from a file that it may have written.
 #

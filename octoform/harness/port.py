@@ -5,10 +5,12 @@ words) is recorded and never believed: only the gate decides whether the output 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import StrEnum
 from pathlib import Path
 from typing import Protocol
+
+from octoform.records import dataclass
 
 
 class ExitReason(StrEnum):

@@ -6,10 +6,10 @@ of the user; nothing of it is written into a project. A program on PATH serves j
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import parse, read_plain
+from octoform.records import dataclass
 
 SETTING = "OCTOFORM_AGENTS"
 RECORD = "installed.json"

@@ -8,13 +8,13 @@ import os
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
 from octoform.harness.program_location import Located
+from octoform.records import dataclass
 
 FILE_BYTES = 4 << 30
 KEPT_BYTES = 64 << 10

@@ -5,7 +5,6 @@ From the checked policy to its frozen value: texts of times become numbers. (Hea
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from types import MappingProxyType
 from typing import Literal
@@ -52,6 +51,7 @@ from octoform.manifest.schema.harness import (
     ReplayHarness,
 )
 from octoform.manifest.yaml_tree import Loc
+from octoform.records import dataclass
 
 # Who works where: the agents that are in force in a document, and the variable with each one's key.
 #

@@ -8,8 +8,8 @@ Whether a variable holds what can be a key at all, before anybody sends it. Ligh
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 
+from octoform.records import dataclass
 from octoform.redaction import found_in
 from octoform.redaction.forms import KEY_BEGIN, KEY_END
 

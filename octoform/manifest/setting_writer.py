@@ -8,7 +8,6 @@ import io
 import json
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from ruamel.yaml import YAML
@@ -21,6 +20,7 @@ from octoform.manifest.loader import load, parse
 from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.yaml_parser import read_tree
 from octoform.manifest.yaml_tree import Scalar, Table, data
+from octoform.records import dataclass
 
 # One entry of a table of texts (``answers: {usb-...: "..."}``) written or removed by lines: no other byte moves.
 #

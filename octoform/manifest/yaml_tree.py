@@ -6,10 +6,10 @@ checks needs none of it. This tree is between the two and knows neither the YAML
 
 import re
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
 from octoform.diagnostics import Span
 from octoform.manifest.model import KEEPERS, STAGES
+from octoform.records import dataclass
 
 Loc = tuple[str | int, ...]
 

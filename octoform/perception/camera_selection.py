@@ -5,12 +5,13 @@ machine looks at the person in front of it and not at the bench.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from octoform.contracts.name_clues import same_action
 from octoform.contracts.rules.topology_rules import sharing
 from octoform.endpoint.client.check import trial_arguments
+from octoform.records import dataclass
 
 _CAPTURE = same_action("capture_image")
 _FIXED = "removable: fixed"

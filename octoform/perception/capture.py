@@ -7,7 +7,6 @@ import base64
 import binascii
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from itertools import compress
 from operator import mul
 from pathlib import Path
@@ -20,6 +19,7 @@ from octoform.endpoint.bounded_program import base_environment, run
 from octoform.endpoint.client.check_verdict import UNIFORM_SPREAD
 from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted, call
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 # What a picture says of its camera: whether it shows anything, is a new one, and differs from another.

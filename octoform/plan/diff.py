@@ -5,10 +5,11 @@ a daemon.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_of, key_parts
 from octoform.plan.model import Action, Cause, Change, Loan, PlannedAction, Reason
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

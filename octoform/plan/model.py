@@ -5,11 +5,12 @@ nothing to do is built and shown without any heavy import.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from enum import StrEnum
 from typing import Any
 
 from octoform.graph.model import Agent
+from octoform.records import dataclass
 
 
 class Action(StrEnum):

@@ -6,7 +6,6 @@ by name with the part, before and after. An unrelated serial bump moves nothing.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -16,6 +15,7 @@ from octoform.graph.model import Graph, Node, key_of, key_parts
 from octoform.plan import model
 from octoform.plan.diff import Observed, Prior
 from octoform.plan.model import Action, Plan
+from octoform.records import dataclass
 
 
 class Unit(BaseModel):

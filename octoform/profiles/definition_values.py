@@ -1,8 +1,9 @@
 """The values and the tools that every kind of protocol definition speaks of. Pure."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

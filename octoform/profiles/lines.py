@@ -6,13 +6,13 @@ else: no line reaches the device that is not here, with parameters that keep to 
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
 from octoform.profiles.definition_problems import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
 from octoform.profiles.definition_values import Tool, Value, plain_values, present
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,9 @@ variables, no patterns and no recursion, so each rule ends, and evaluating one t
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from octoform.records import dataclass
 
 MOST_DEPTH = 8
 MOST_TESTS = 100

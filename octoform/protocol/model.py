@@ -1,8 +1,9 @@
 """A spec as a value."""
 
-from dataclasses import dataclass
 from os.path import lexists
 from pathlib import Path, PurePosixPath
+
+from octoform.records import dataclass
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 DUTIES = ("watch", "heal")

@@ -8,7 +8,7 @@ as data.
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,7 @@ from octoform.base.escaping import escaped
 from octoform.base.files import stream
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.protocol.model import DUTIES, STEP, Spec
+from octoform.records import dataclass
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -9,9 +9,10 @@ import json
 import os
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from functools import cache
 from urllib.parse import quote, quote_plus
+
+from octoform.records import dataclass
 
 _PLAIN = "A-Za-z0-9"
 _TOKEN = "A-Za-z0-9_-"

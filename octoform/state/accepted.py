@@ -7,12 +7,13 @@ bytes with what was accepted; a link among them is never followed, whatever it p
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from octoform.base import digest
 from octoform.base.files import TEMPORARY, sync_folder
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 from octoform.state.files import (
     Checkpoint,
     make_folders,

@@ -5,10 +5,10 @@ with nothing to do. What these files do not tell (an unborn branch, a ref store 
 """
 
 import re
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import head, read
+from octoform.records import dataclass
 
 _REVISION = re.compile(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
 _DEPTH = 5

@@ -9,11 +9,12 @@ import contextlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.records import dataclass
 from octoform.state.files import shown
 from octoform.state.git_head import Repository, repository
 from octoform.state.git_invocation import RepositoryRefused, call

@@ -8,10 +8,10 @@ an agent would have to run. (Heavy: pydantic, git.)
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from octoform.records import dataclass
 from octoform.state.git_head import repository
 from octoform.state.git_repository import kept
 from octoform.state.layout import Layout

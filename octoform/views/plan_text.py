@@ -5,12 +5,12 @@ Privileged steps as words: they move hardware, so a plan states what, and why on
 
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 
 from octoform.base import digest
 from octoform.graph.endpoint_parts import SCOPE, in_force
 from octoform.graph.model import ANSWER, STEP
 from octoform.plan.model import Action, Cause, Change, Loan, Plan, PlannedAction, Reason, StepOutlook
+from octoform.records import dataclass
 from octoform.views.format.values import one_line
 
 # What the kernel announces, for people: one line a device instead of one a modalias, class counts as before -> now.

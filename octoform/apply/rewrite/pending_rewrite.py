@@ -6,7 +6,7 @@ and no test by reading shows that: it would have to move. So a person decides wh
 
 import difflib
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from octoform.apply.stage.artifact_writer import text_of
 from octoform.base import digest
 from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
 

@@ -8,7 +8,7 @@ that is killed from then on is finished by the next one.
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +27,7 @@ from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.published_files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, key_of
 from octoform.harness.port import Task
+from octoform.records import dataclass
 from octoform.state.accepted import accept, file_digest
 from octoform.state.artifact_cache import keep_accepted
 from octoform.state.files import Checkpoint, pass_by, read_regular, spending, write_atomic

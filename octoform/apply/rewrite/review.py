@@ -7,7 +7,7 @@ in nothing, opens nothing, promises nothing else, and takes nothing away.
 import ast
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from octoform.apply.rewrite.scope import Parts, Unit, beyond, divided, own_tools
 from octoform.base.escaping import listed, shown
@@ -17,6 +17,7 @@ from octoform.contracts.rules.serve.device_rules import opens_anything
 from octoform.contracts.rules.serve.tool_rules import tool_sites
 from octoform.contracts.server_source import Function, Source, imported_modules
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass
 
 # What protects the hardware in the functions of a tool, and what of it a rewrite has lost.
 #

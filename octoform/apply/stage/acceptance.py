@@ -7,7 +7,7 @@ an environment of its own declared packages, DEPLOY is started and called. Nothi
 import errno
 import stat
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -24,6 +24,7 @@ from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import Profile, commands, contributions, devices_of, load
 from octoform.protocol.prompt import tail
+from octoform.records import dataclass
 from octoform.state.os_errors import refusal
 
 MOST_BYTES = {"serve": 256 * 1024}

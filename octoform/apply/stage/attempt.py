@@ -10,7 +10,7 @@ import re
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Any, Self
 
@@ -42,6 +42,7 @@ from octoform.manifest.model import MODEL_FREE
 from octoform.profiles import Profile, briefing, devices_of, for_task, packaging
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
+from octoform.records import dataclass
 from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 

@@ -10,7 +10,7 @@ run is sent back: a run never remakes what its plan did not list, and both stage
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from octoform.apply.context import Context, accepted
@@ -21,6 +21,7 @@ from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import ExitReason, Outcome, Task
+from octoform.records import dataclass
 from octoform.state.accepted import file_digest
 from octoform.state.artifact_cache import generations
 from octoform.state.files import read_regular

@@ -6,11 +6,11 @@ attempt of the same stage reads it, `protocol/` does not change, and only a pers
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base import digest
 from octoform.base.files import read_plain, replace
+from octoform.records import dataclass
 from octoform.redaction import redacted
 
 FILE_NAME = "spec.md"

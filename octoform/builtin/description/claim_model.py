@@ -6,8 +6,10 @@ sensor). The first claim in the order of the modules states what the unit is; th
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
+
+from octoform.records import dataclass
 
 READ, ACTUATE = "read", "actuate"
 SENSOR, ACTUATOR, BIDIRECTIONAL = "sensor", "actuator", "bidirectional"

@@ -7,13 +7,13 @@ that IDENTIFY concludes cites such a line whole, so that the quote can be checke
 
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.description import product_names
 from octoform.builtin.description.claim_model import Evidence
+from octoform.records import dataclass
 
 _MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
 _TRIPLE = re.compile(r"\bclass ([0-9a-f]{2})/([0-9a-f]{2})/([0-9a-f]{2})")

@@ -8,12 +8,12 @@ registered name that the device's own strings do not bear out is worth no more, 
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from octoform.builtin.description import glossary, product_names
 from octoform.builtin.description.claim_model import UNKNOWN, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.product_names import GENERIC
+from octoform.records import dataclass
 
 FULL, STRING, REGISTERED, KERNEL, CLASS_ONLY, NOTHING = 0.9, 0.8, 0.7, 0.8, 0.45, 0.3
 # What the kernel calls these says less than the database's name of the adapter.

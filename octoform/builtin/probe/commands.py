@@ -15,12 +15,12 @@ import shutil
 import subprocess
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.base.processes import signal_group
 from octoform.builtin.probe.reader import Reader
+from octoform.records import dataclass
 
 RECORDED = "/recorded/commands"
 MOST_BYTES = 8 << 20

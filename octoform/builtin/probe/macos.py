@@ -9,7 +9,6 @@ import os
 import plistlib
 import re
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 from xml.parsers.expat import ExpatError
 
@@ -19,6 +18,7 @@ from octoform.builtin.probe.commands import RECORDED, Command, Entry, dicts, num
 from octoform.builtin.probe.paired import Paired, described
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
+from octoform.records import dataclass
 
 # The I/O Registry of macOS as `ioreg` archives it: USB devices with their interfaces, serial lines, disks.
 #

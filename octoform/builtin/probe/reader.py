@@ -12,10 +12,10 @@ import threading
 import time
 from collections import Counter
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base import shortage
+from octoform.records import dataclass
 
 ATTRIBUTE_BYTES = 4096
 ORDINARY_ABSENCE = (errno.ENOENT, errno.ENOTDIR, errno.ELOOP)

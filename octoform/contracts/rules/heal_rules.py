@@ -5,7 +5,7 @@ What a rewritten server itself may be is held by SERVE's contract and by the com
 
 import ast
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from octoform.base.escaping import listed, shown
 from octoform.base.pointer import pointer
@@ -14,6 +14,7 @@ from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of
 from octoform.contracts.server_source import Function, Source, needed_source
 from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.records import dataclass
 
 NONE = "none"
 REWRITE = "rewrite"

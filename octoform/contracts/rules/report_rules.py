@@ -6,7 +6,6 @@ each error, claim and declaration cites what was given, about the very thing tha
 
 import re
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.escaping import listed, shown
@@ -16,6 +15,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
 from octoform.contracts.report_context import SENSOR, DutyFacts, place_of
 from octoform.contracts.rules.step_rules import properties, tool, tools_of
 from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.records import dataclass
 
 Found = list[Diagnostic]
 _ORDERS = re.compile(

@@ -8,7 +8,6 @@ started again. All the rest is reported when it has been quiet for a moment.
 import os
 import select
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import partial
 
 from octoform.daemon.model import Cause, Facts
@@ -17,6 +16,7 @@ from octoform.daemon.observe.clock_jumps import Moments, SystemClock
 from octoform.daemon.observe.file_events import Ear, FolderEar, Unwatched
 from octoform.daemon.observe.hardware import hardware
 from octoform.daemon.observe.process import ProcessEar
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 QUIET_SECONDS = 0.05

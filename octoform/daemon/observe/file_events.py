@@ -3,7 +3,7 @@
 import errno
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import Protocol
 
@@ -16,6 +16,7 @@ from octoform.endpoint.environment.model import packages_of
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import RECORD
 from octoform.endpoint.published_files import read_manifest
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 

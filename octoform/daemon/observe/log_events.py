@@ -7,7 +7,6 @@ import os
 import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +14,7 @@ from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.published_files import read_policy
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 # New lines of a log, whatever becomes of the file: set aside, cut, replaced or no text at all. (Light.)

@@ -8,7 +8,6 @@ all the same, of nothing, with the reason. What no tool reads has no reading: th
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.escaping import escaped
@@ -19,6 +18,7 @@ from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
 from octoform.endpoint.dial import knock
 from octoform.endpoint.expected_tools import hidden, promised, untried
 from octoform.endpoint.process.record import running
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 NAME = "octoform watch"

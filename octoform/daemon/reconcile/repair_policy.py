@@ -12,7 +12,6 @@ import threading
 import time
 import traceback
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Protocol
 
@@ -20,6 +19,7 @@ from octoform.base import shortage
 from octoform.claims.model import Reading
 from octoform.daemon.model import Done, Facts, Finding, Kind, Repair
 from octoform.daemon.store.backoff import FLAPS
+from octoform.records import dataclass
 
 # Where repairs are made: beside the loop, so that a long one blinds nobody.
 #

@@ -6,7 +6,7 @@ show. Light.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Signal
@@ -32,6 +32,7 @@ from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.process import LEAST_FREE
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.model import Daemon
+from octoform.records import dataclass
 from octoform.state.files import refused
 
 SAMPLING = frozenset({Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED})

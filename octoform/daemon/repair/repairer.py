@@ -6,10 +6,11 @@ the endpoint does not wait for the start of a child as well.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from octoform.daemon.model import Done, Finding, Kind, Repair, Repairer, Spent
+from octoform.records import dataclass
 
 Run = Callable[[str, Mapping[str, Any], float], Mapping[str, Any]]
 """Does a job in a child: name, brief, seconds; `octoform.daemon.repair.worker_port.Workers.run`."""

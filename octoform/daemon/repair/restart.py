@@ -9,7 +9,7 @@ person who asks for another try gets one: a loop that was told is forgotten.
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import Running, ask, is_it, is_marked, running
+from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

@@ -7,12 +7,13 @@ other evidence, so the tries of a target and class are counted for an hour as we
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from octoform.daemon.model import Outcome, Repair
 from octoform.daemon.store.incidents import Episode
 from octoform.daemon.store.json_store import Shelf, number
+from octoform.records import dataclass
 
 FILE = "breakers.json"
 FIRST_SECONDS = 5.0

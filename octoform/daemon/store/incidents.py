@@ -7,7 +7,7 @@ keeps what is open and the newest of what is over. Light.
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from typing import Any
 
 from octoform.base.escaping import escaped
@@ -15,6 +15,7 @@ from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
+from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, shown, write_atomic
 
 FILE = "episodes.jsonl"

@@ -10,7 +10,6 @@ import json
 import os
 import sys
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from octoform.base.files import parse, private_folder
 from octoform.base.locks import acquire, held, is_locked, lock_file
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass
 from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Liveness, Process, from_json, liveness, myself, to_json

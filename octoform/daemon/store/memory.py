@@ -1,6 +1,6 @@
 """Everything that the loop remembers, opened together. Light."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 
 from octoform.daemon.store import agent_budget, backoff, incidents
 from octoform.daemon.store.agent_budget import Purse
@@ -10,6 +10,7 @@ from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.triage.failure_history import Recall, as_json, from_json
 from octoform.diagnostics import warning
 from octoform.manifest.model import Daemon
+from octoform.records import dataclass
 from octoform.state.files import shown
 from octoform.state.layout import Layout
 

@@ -5,12 +5,13 @@ A value that `remember` carries on; `as_json` and `from_json` let it survive a r
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts
 from octoform.endpoint.logs import LoggedCall
+from octoform.records import dataclass
 
 MOST_TOOLS = 200
 MOST_ENDS = 20

@@ -4,7 +4,6 @@ The rule of its hash is the launcher's; checking runs the launcher's own program
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from octoform.base.clock import parse_stamp
 from octoform.base.files import parse, stream
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import offline_commands
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 LOG = "audit.jsonl"

@@ -1,12 +1,12 @@
 """The limits of the published policy and what is used of them, and setting them back. Light."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.process import offline_commands, record
 from octoform.endpoint.published_files import read_policy
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 SECONDS = 5.0

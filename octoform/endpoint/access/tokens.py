@@ -10,7 +10,6 @@ import contextlib
 import hashlib
 import secrets
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
@@ -20,6 +19,7 @@ from octoform.base.locks import held
 from octoform.base.tokens import NAME, Token, encoded, read
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint.process import offline_commands
+from octoform.records import dataclass
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

@@ -8,7 +8,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -18,6 +17,7 @@ from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.process import offline_commands, record
 from octoform.endpoint.process.record import ask
 from octoform.endpoint.published_files import CONNECTION
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 REVOKED = "tunnel-revoked.json"

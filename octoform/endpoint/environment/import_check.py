@@ -6,13 +6,13 @@ for as long as a client lives; only the serving interpreter can tell.
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.endpoint.bounded_program import Finished, ForkServer, run, serving_environment
+from octoform.records import dataclass
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "inspect_server.py"
 _RULES = {

@@ -8,13 +8,13 @@ asks whether the environment drifted.
 import os
 import re
 import sys
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from octoform.base.digest import of_value, short
 from octoform.base.files import read_json
 from octoform.base.shape import fits
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 MARKER = "octoform-complete.json"

@@ -7,11 +7,12 @@ a client can do neither (``reference`` is None) the caller has to give the value
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any, TypeAlias
 
 from octoform.endpoint.mcp_clients import paths
 from octoform.endpoint.mcp_clients.text_edit import Path
+from octoform.records import dataclass
 
 VARIABLE = "OCTOFORM_TOKEN"
 """Begins the variable that holds a token's value in the surroundings of a client; the host follows, see `of`."""

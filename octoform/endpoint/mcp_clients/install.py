@@ -9,7 +9,7 @@ import os
 import re
 import stat
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +23,7 @@ from octoform.endpoint.mcp_clients.merge import Edited, Hunk, Taken, Wish
 from octoform.endpoint.mcp_clients.paths import Surroundings
 from octoform.endpoint.mcp_clients.text_edit import Path as Way
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at, place
+from octoform.records import dataclass
 
 # A client's own configuration file on disk: read with care, kept aside before a change, replaced as a whole.
 #

@@ -6,11 +6,11 @@ trailing comma where the members before have one. It is always plain JSON itself
 
 import json
 import re
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.files import parse
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, indent_at, line_end, line_start, nested
+from octoform.records import dataclass
 
 # Read JSON as clients take it, with the place of every value: comments, trailing commas, single quotes, bare names.
 #

@@ -7,7 +7,6 @@ Taking out gives back the very text from before, when doing the same to a former
 import copy
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, TypeAlias
 
@@ -17,6 +16,7 @@ from octoform.endpoint.mcp_clients.json_edit import JSON
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, at
 from octoform.endpoint.mcp_clients.toml_text import TOML
 from octoform.endpoint.mcp_clients.yaml_text import YAML
+from octoform.records import dataclass
 
 NOTATIONS: Mapping[str, Notation] = {"json": JSON, "toml": TOML, "yaml": YAML}
 Ours: TypeAlias = Callable[[Mapping[str, Any]], bool]

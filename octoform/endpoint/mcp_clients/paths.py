@@ -4,9 +4,10 @@ Always the user's own file, never a project's: the command holds absolute paths 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
+
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,8 +6,9 @@ mark and leave every character alone that does not belong to the one change.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any, TypeAlias
+
+from octoform.records import dataclass
 
 Path: TypeAlias = tuple[str, ...]
 _LINE_END = re.compile(r"\r\n|\n|\r")

@@ -5,12 +5,12 @@ It asks for nothing that could be in the way: no manifest, no environment, no lo
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.endpoint.process import offline_commands, record
 from octoform.endpoint.process.record import running
 from octoform.endpoint.published_files import is_copy, of_another
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 LATCH = "estop.json"

@@ -7,7 +7,6 @@ import json
 import os
 import pwd
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base import clock
@@ -18,6 +17,7 @@ from octoform.base.processes import command_line, is_alive
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.sockets import connect
+from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

@@ -9,13 +9,13 @@ import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.digest import of_bytes
 from octoform.base.files import read
 from octoform.endpoint.process.record import MARK, unmark
 from octoform.endpoint.published_files import LAUNCHER
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 PROGRAM = "systemctl"

@@ -4,12 +4,13 @@ One question at a time, and the same one as long as the hardware and the reason 
 """
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 
 from octoform.base.clock import stamp
 from octoform.base.digest import of_value
 from octoform.base.files import parse, private_folder, record
 from octoform.diagnostics import Diagnostic
+from octoform.records import dataclass
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
 

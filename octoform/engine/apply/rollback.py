@@ -14,7 +14,6 @@ import json
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.apply.context import CANDIDATE
@@ -24,6 +23,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CHECK, LAUNCHER, MANIFEST, read_manifest
+from octoform.records import dataclass
 from octoform.state.accepted import accept, contents, file_digest
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import UNATTENDED, Layout

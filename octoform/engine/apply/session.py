@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, field
 from pathlib import Path
 
 from octoform.apply.context import Clock, Context
@@ -19,6 +19,7 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation
 from octoform.events import AttemptProgress, Event, EventSink, Notice
 from octoform.harness import logins
+from octoform.records import dataclass
 from octoform.state.files import Checkpoint, check_writable, pass_by
 from octoform.state.git_repository import commit
 from octoform.state.layout import Layout

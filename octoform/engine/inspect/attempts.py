@@ -5,7 +5,6 @@ the lock and the supervisor's process tell which; its task and its transcript sa
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -25,6 +24,7 @@ from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.protocol import STEP, step_paths
 from octoform.protocol.spec_loader import load as load_specs
+from octoform.records import dataclass
 from octoform.state import attempts as records
 from octoform.state.attempts import AttemptRecord
 from octoform.state.layout import Layout

@@ -8,7 +8,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.host import SYSROOT_VARIABLE
+from octoform.records import dataclass
 from octoform.state.artifact_cache import classes_of, read_instances
 from octoform.state.files import read_regular, shown
 from octoform.state.layout import Layout

@@ -1,7 +1,6 @@
 """What is known of the devices of a host, and how much a person had to say for it: tiers, profiles, open questions."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.escaping import escaped
@@ -15,6 +14,7 @@ from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, T
 from octoform.profiles import Profile, contributions, load, match_rule, near
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.selection import attached, commands, devices_of
+from octoform.records import dataclass
 
 Artifacts = Mapping[str, Any]
 STRAY = "PLAN-ANSWER-WITHOUT-DEVICE"

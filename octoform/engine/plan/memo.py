@@ -9,7 +9,7 @@ long way is taken. Light: no import beyond the standard library's cheap parts.
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +20,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
+from octoform.records import dataclass
 from octoform.state.git_head import head_revision, repository
 from octoform.state.layout import Layout
 

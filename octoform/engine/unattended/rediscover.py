@@ -15,7 +15,6 @@ What is asked lies in ``daemon/asks.json``, once for each change.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.apply.duty_outcome import DutyOutcome
@@ -33,6 +32,7 @@ from octoform.host import root_from_environment, settle
 from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.model import FRAME
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 # What a run with nobody there may cost at most, against what the hour has left for agents. (Heavy.)

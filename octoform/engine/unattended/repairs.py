@@ -7,7 +7,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from octoform.base import clock
@@ -22,6 +22,7 @@ from octoform.endpoint.expected_tools import shown as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CLIENTS, LAUNCHER
+from octoform.records import dataclass
 from octoform.state import artifact_cache, git_repository
 from octoform.state.accepted import observe
 from octoform.state.artifact_cache import Damage, damage_of, read_instances, set_aside

@@ -5,13 +5,13 @@ It is named here only as a module to run: nothing of it is imported, and its out
 
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 from octoform.manifest.model import HarnessSpec
+from octoform.records import dataclass
 
 MODULE = "octoform.builtin"
 PACKAGE_TOOL = (

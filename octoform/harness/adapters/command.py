@@ -7,7 +7,6 @@ environment: OCTOFORM_TASK, OCTOFORM_PROMPT and OCTOFORM_OUTPUT are paths.
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import read
@@ -16,6 +15,7 @@ from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 from octoform.manifest.model import PLACEHOLDERS, HarnessSpec, Sandbox
 from octoform.manifest.references import resolve_argument
+from octoform.records import dataclass
 
 PROMPT_WAYS = ("stdin", "file", "argument")
 _PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)\}")

@@ -6,7 +6,6 @@ same containment as every program, and nothing of it is believed more.
 
 import sys
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -32,6 +31,7 @@ from octoform.harness.port import (
 )
 from octoform.harness.react.config import Config
 from octoform.manifest.model import HarnessSpec
+from octoform.records import dataclass
 
 MODULE = "octoform.harness.react"
 FILE_NAME = "litellm.json"

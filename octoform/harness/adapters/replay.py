@@ -8,7 +8,6 @@ once did on a host can be gone through again, failures included, on every machin
 import os
 import time
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
@@ -17,6 +16,7 @@ from octoform.harness.port import ExitReason, Outcome, ProgressSink, Said, Task,
 from octoform.harness.recording import Attempt, Output, Recording, content, load
 from octoform.harness.watcher import added
 from octoform.manifest.model import HarnessSpec
+from octoform.records import dataclass
 
 UNREPEATABLE = frozenset(
     {"APPLY-OUTSIDE-WRITE", "APPLY-SECRET-IN-OUTPUT", "PROBE-DEVICE-UNKNOWN", "PROBE-CONTRADICTED"}

@@ -11,10 +11,10 @@ import pwd
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from octoform.base.files import walk
+from octoform.records import dataclass
 
 NAME = "nobody"
 FALLBACK = 65534

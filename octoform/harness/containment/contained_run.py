@@ -15,7 +15,7 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -25,6 +25,7 @@ from octoform.harness.containment import orphans
 from octoform.harness.containment.agent_environment import ATTEMPT
 from octoform.harness.containment.reaper import PR_SET_CHILD_SUBREAPER, prctl
 from octoform.harness.containment.task_log import DEFAULT_LIMIT, TaskLog
+from octoform.records import dataclass
 
 REAPER = Path(__file__).with_name("reaper.py")
 CHUNK = 64 << 10

@@ -12,7 +12,7 @@ import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 
 from octoform.base import clock, files, processes
@@ -21,6 +21,7 @@ from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, is_alive, process_stat, signal_one
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
+from octoform.records import dataclass
 
 # What /proc says of a process.
 #

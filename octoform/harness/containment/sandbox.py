@@ -18,7 +18,6 @@ import subprocess
 import sys
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 import octoform
@@ -28,6 +27,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.harness.containment import syscalls
 from octoform.harness.containment.agent_user import AgentUser, agent_user, hand_over
 from octoform.manifest.model import Sandbox
+from octoform.records import dataclass
 
 # What of the hidden places a program needs to run: itself, its interpreter, their libraries, what it is told to read.
 #

@@ -9,10 +9,11 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any, Protocol
 
 from octoform.harness.llm.route import Route
+from octoform.records import dataclass
 
 RETRIES = 2
 BACKOFF_SECONDS = 1.5

@@ -5,7 +5,6 @@ own clients do. All of that is settled here, without the library.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from octoform.diagnostics import Diagnostic, error
@@ -13,6 +12,7 @@ from octoform.manifest import credentials
 from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, LOGINS, RESPONSES, split_model
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.references import resolve
+from octoform.records import dataclass
 
 # How an agent reaches its model: over which API, where that is, and which variable holds the key.
 #

@@ -15,7 +15,6 @@ import subprocess
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cache, partial
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -25,6 +24,7 @@ from octoform.base.files import parse
 from octoform.base.processes import signal_group
 from octoform.harness.llm.client import Call
 from octoform.harness.react.chat_history import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
+from octoform.records import dataclass
 from octoform.redaction import redacted
 
 # The tool ``shell``: one command in a process group of its own, bounded in time and output.

@@ -2,11 +2,12 @@
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 
 from octoform.base.files import read_json, replace
 from octoform.harness.llm.route import Route
+from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,13 +7,13 @@ local; it names the snapshot that it continues, so it is never folded onto anoth
 
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 
 from octoform.base import digest
 from octoform.base.files import parse, sync_folder, write_all
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.records import dataclass
 from octoform.state.files import (
     SIZE_LIMIT,
     Checkpoint,

@@ -12,7 +12,7 @@ import os
 import time
 import uuid
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from types import TracebackType
@@ -23,6 +23,7 @@ from octoform.base.files import parse, read, sync_folder, write_all
 from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, start_of
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass
 from octoform.state.files import make_folders, read_regular, refused, shown
 from octoform.state.layout import Layout
 

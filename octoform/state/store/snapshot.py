@@ -6,13 +6,13 @@ all over again when the snapshot moved meanwhile. (Heavy: pydantic models.)
 
 import uuid
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from pydantic import ValidationError
 
 from octoform import __version__
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
+from octoform.records import dataclass
 from octoform.state.files import read_regular, shown
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Snapshot, Status, state_digest

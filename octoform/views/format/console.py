@@ -7,10 +7,11 @@ import os
 import re
 import sys
 from collections.abc import Mapping
-from dataclasses import dataclass
 from io import TextIOWrapper
 from shutil import get_terminal_size
 from typing import TextIO
+
+from octoform.records import dataclass
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
 _PAINT = re.compile(r"\x1b\[[\d;]*m")

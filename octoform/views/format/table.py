@@ -2,8 +2,8 @@
 
 import textwrap
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 
+from octoform.records import dataclass
 from octoform.views.format.values import one_line
 
 GAP = "  "

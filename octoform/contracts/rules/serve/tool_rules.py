@@ -6,7 +6,6 @@ not there. The gate is before tools alone, so whatever else a server could offer
 
 import ast
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 
 from octoform.base.escaping import escaped, listed, shown
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -14,6 +13,7 @@ from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.script_header import interface_errors
 from octoform.contracts.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.records import dataclass
 
 MAX_PROBLEM = 500
 _PLAIN_USES = frozenset({"tool", "add_tool", "run", "run_async", "name"})
