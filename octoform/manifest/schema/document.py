@@ -3,7 +3,13 @@
 One source for both, so an editor and octoform agree. Only settings that do something stand here. (Heavy: pydantic.)
 """
 
+import ast
+import inspect
 import json
+from collections import ChainMap
+from collections.abc import Iterator
+from itertools import pairwise
+from textwrap import dedent
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Field
@@ -244,12 +250,35 @@ class _Generator(GenerateJsonSchema):
         return {"allOf": [inner], "default": default} if "$ref" in inner else {**inner, "default": default}
 
 
+def _tables(cls: type[Table]) -> Iterator[type[Table]]:
+    for below in cls.__subclasses__():
+        yield below
+        yield from _tables(below)
+
+
+def _descriptions(table: type[Table]) -> dict[str, str]:
+    """The string below each setting of a table. Only the schema shows them, so nothing else reads the source for it."""
+    (node,) = ast.parse(dedent(inspect.getsource(table))).body
+    assert isinstance(node, ast.ClassDef)
+    inherited = [_descriptions(cls) for cls in table.__bases__ if issubclass(cls, Table)]
+    return dict(ChainMap(*inherited)) | {
+        setting.target.id: inspect.cleandoc(text.value.value)
+        for setting, text in pairwise(node.body)
+        if isinstance(setting, ast.AnnAssign) and isinstance(setting.target, ast.Name)
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant) and isinstance(text.value.value, str)
+    }
+
+
 def json_schema() -> dict[str, Any]:
     """The schema as JSON data, in the dialect that `DIALECT` names."""
     body = Document.model_json_schema(schema_generator=_Generator)
-    for table in (body, *body["$defs"].values()):
-        for setting in table.get("properties", {}).values():
+    tables = {cls.__name__: cls for cls in _tables(Table)}
+    for name, table in ((Document.__name__, body), *body["$defs"].items()):
+        descriptions = _descriptions(tables[name]) if name in tables else {}
+        for key, setting in table.get("properties", {}).items():
             setting.pop("title", None)  # it would only repeat the key
+            told = {**setting, "description": descriptions[key]} if key in descriptions else setting
+            table["properties"][key] = dict(sorted(told.items()))
     head = {"$schema": DIALECT, "title": "octopus.yaml"}
     return {**head, **{key: value for key, value in body.items() if key != "title"}}
 

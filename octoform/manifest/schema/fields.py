@@ -178,4 +178,4 @@ Rate = Annotated[float, Field(ge=0, le=MOST_DOLLARS, allow_inf_nan=False)]
 class Table(BaseModel):
     """Base of all tables: nothing unknown, nothing converted."""
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
