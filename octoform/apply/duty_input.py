@@ -8,7 +8,7 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from octoform.base import clock
@@ -20,6 +20,7 @@ from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
 from octoform.perception.frames import Frame, Record, picture_of, read, words
 from octoform.protocol.prompt import fenced
+from octoform.records import dataclass
 from octoform.redaction import redacted
 from octoform.state.layout import Layout
 

@@ -10,13 +10,14 @@ import re
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import field
 from pathlib import Path
 from typing import IO, Any
 
 from octoform.base import clock
 from octoform.base.files import parse, stream
 from octoform.endpoint.access.tokens import kept_values
+from octoform.records import dataclass
 from octoform.redaction import Redactor
 from octoform.state.layout import Layout
 
