@@ -1,5 +1,6 @@
 """The bare completion as its own process: capped, bounded in time, with the key by its name, and never an exception."""
 
+import json
 import time
 from pathlib import Path
 from typing import Any
@@ -9,7 +10,9 @@ from model_server import ModelServer, serve
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness.containment.contained_run import Ended
+from octoform.harness.llm import bare
 from octoform.harness.llm.completion import BYTES_PER_TOKEN, Condensed, LiteLLMCompletion, condense
+from octoform.harness.llm.route import Route
 from octoform.harness.port import Usage
 from octoform.manifest.model import Housekeeping
 
@@ -54,7 +57,20 @@ def test_an_answer_within_the_cap(log: Path) -> None:
     assert log.read_bytes() == before
 
 
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the process does, done here, where the library is loaded once; the process has tests of its own."""
+    monkeypatch.setenv("LOOP_KEY", SECRET)
+
+    def ask(_: LiteLLMCompletion, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
+        return Ended("ended", 0), json.dumps(bare.main(json.loads(question))).encode()
+
+    monkeypatch.setattr(LiteLLMCompletion, "_ask", ask)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("ignore:Accessing the")
 def test_a_model_that_cannot_be_reached(log: Path) -> None:
     excerpt = condense(log, 8192, completion("http://127.0.0.1:9"))
     assert not excerpt.condensed
@@ -74,6 +90,8 @@ def test_a_model_that_is_slow(log: Path) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("ignore:Accessing the")
 def test_a_key_that_is_refused_is_asked_with_once(log: Path) -> None:
     with serve(script({"status": 401})) as server:
         excerpt = condense(log, 8192, completion(server))
