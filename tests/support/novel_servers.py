@@ -198,6 +198,58 @@ FILES: dict[str, Any] = {
     ),
 }
 """What is known of a file without reading it."""
+BOUNDS: dict[str, Any] = {
+    "the highest there may be": temperature(f"value = float(({CHIP} / 'temp1_max').read_text())"),
+    "the critical one": temperature(f"path = {CHIP} / 'temp1_crit'\nvalue = float(path.read_text())"),
+    "by way of a name": temperature(f"name = 'temp1_crit_hyst'\nvalue = float(({CHIP} / name).read_text())"),
+    "how long its label is": temperature(f"value = 1000.0 * len(({CHIP} / 'temp1_label').read_text())"),
+}
+
+
+def light(text: str, level: str = "int((folder / 'brightness').read_text())") -> Any:
+    """`set_brightness` with these lines where it writes; ``level`` is what it tells then."""
+    return body(
+        "set_brightness",
+        "with runtime.device(device, actuate=True).bus() as unit:\n    folder = unit.path('backlight')\n"
+        "    maximum = int((folder / 'max_brightness').read_text())\n"
+        + "".join(f"    {line}\n" for line in text.splitlines())
+        + f"    level = {level}\n"
+        "return Lights(device=device, lights=[Light(name='panel', percent=100 * level / maximum, level=level, "
+        "maximum=maximum)])",
+    )
+
+
+WRITE = "(folder / 'brightness').write_text(str(round(maximum * percent / 100)))"
+ACTS: dict[str, Any] = {
+    "nothing": light("wanted = round(maximum * percent / 100)", "wanted"),
+    "only a look": light("level = (folder / 'brightness').read_text()\nlevel = f'{level} {percent}'"),
+    "always all": light("(folder / 'brightness').write_text(str(maximum))"),
+    "whichever device": body("set_brightness", "return lights('backlight-panel', 'backlight', percent)"),
+    "a reading of whichever device": body("read_brightness", "return lights('backlight-panel2', 'backlight')"),
+    "later": all_of(
+        uses("threading"),
+        body(
+            "set_brightness",
+            "threading.Thread(target=lights, args=(device, 'backlight', percent)).start()\n"
+            "return lights(device, 'backlight')",
+        ),
+    ),
+    "by a timer": all_of(
+        uses("threading"),
+        body(
+            "set_brightness",
+            "threading.Timer(2.0, lambda: lights(device, 'backlight', percent)).start()\n"
+            "return lights(device, 'backlight')",
+        ),
+    ),
+    "as if it had": body(
+        "set_brightness",
+        "try:\n    return lights(device, 'backlight', percent)\nexcept OSError:\n    return lights(device, 'backlight')",
+    ),
+    "as if it had, whatever went wrong": light(
+        f"try:\n    {WRITE}\nexcept Exception:\n    return Lights(device=device, lights=[])"
+    ),
+}
 MANNERS: dict[str, Any] = {
     "an end of the process": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    sys.exit(1)"),
     "an end without a word": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    os._exit(1)"),
@@ -221,6 +273,8 @@ WRONG = {
         "place": PLACES,
         "name": NAMES,
         "file": FILES,
+        "bound": BOUNDS,
+        "acts": ACTS,
         "manners": MANNERS,
     }.items()
     for name, case in cases.items()
@@ -302,6 +356,48 @@ RIGHT: dict[str, Any] = {
     ),
     "a file that is as large as it should be": temperature(
         f"path = {FILE}\nif path.stat().st_size == 0:\n    raise ToolError('empty')\nvalue = float(path.read_text())"
+    ),
+    "a light by a function of its own": all_of(
+        adds("def shine(folder, level):\n    (folder / 'brightness').write_text(str(level))"),
+        light("shine(folder, round(maximum * percent / 100))"),
+    ),
+    "a light by an object of its own": all_of(
+        adds(
+            "class Lamp:\n    def __init__(self, folder):\n        self.folder = folder\n\n"
+            "    def shine(self, level):\n        (self.folder / 'brightness').write_text(str(level))"
+        ),
+        light("Lamp(folder).shine(round(maximum * percent / 100))"),
+    ),
+    "a light by an open file": light(
+        "with open(folder / 'brightness', 'w') as file:\n    print(round(maximum * percent / 100), file=file)"
+    ),
+    "a light by a program": all_of(
+        uses("subprocess"),
+        light(
+            "subprocess.run(['tee', str(folder / 'brightness')], input=f'{maximum * percent // 100}', text=True, "
+            "check=True, stdout=subprocess.DEVNULL)"
+        ),
+    ),
+    "a light that is tried again": light(
+        f"for left in (2, 1, 0):\n    try:\n        {WRITE}\n        break\n    except OSError:\n"
+        "        if not left:\n            raise\n        time.sleep(0.05)"
+    ),
+    "a light whose failure is told": light(
+        f"try:\n    {WRITE}\nexcept OSError as problem:\n    raise ToolError(f'{{device}}: {{problem}}') from problem"
+    ),
+    "a light whose old level may be missing": light(
+        f"try:\n    before = int((folder / 'brightness').read_text())\nexcept ValueError:\n    before = None\n"
+        f"if before != round(maximum * percent / 100):\n    {WRITE}"
+    ),
+    "a light that a thread sets while the call waits": all_of(
+        uses("threading"),
+        light(f"thread = threading.Thread(target=lambda: {WRITE})\nthread.start()\nthread.join(5)"),
+    ),
+    "a light by all that was said": body(
+        "set_brightness", "given = dict(locals())\nreturn lights(given['device'], 'backlight', given['percent'])"
+    ),
+    "a light by a lookup": body(
+        "set_brightness", "act = {'light': lights}['light']\nreturn act(device, 'backlight', percent)"
     ),
     "a file by the number of its label": temperature(
         f"chip = {ASKED}.path('hwmon')\nlabel = runtime.files(chip, 'temp*_label')[0]\nnumber = int(label.name[4])\n"

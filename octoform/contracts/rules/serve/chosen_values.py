@@ -7,11 +7,13 @@ follow the device as well, and no one measured them.
 """
 
 import ast
+import re
 from collections.abc import Iterable, Iterator
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
+from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin
+from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, last
 from octoform.contracts.server_source import Source, walk
 
 Numbers = frozenset[float]
@@ -22,6 +24,14 @@ _NAMES_OF_PATHS = frozenset({"name", "stem", "suffix"})
 _LISTS = frozenset({"os.listdir", "os.scandir", "glob.glob", "glob.iglob", "runtime.files"})
 _LISTING = frozenset({"iterdir", "glob", "rglob"})
 _READS = frozenset({"read", "read_text", "read_bytes", "open", "readline", "recv"})
+_TEXT_OF = frozenset({"read_text", "read_bytes"})
+_BOUNDS = frozenset(
+    {"max", "min", "crit", "lcrit", "emergency", "hyst", "limit", "label", "alarm", "threshold", "type"}
+)
+"""Last words of files that tell about a channel, and not what it measures now."""
+_BOUND_WORDS = re.compile(
+    r"max|min|crit|emergency|hyst|limit|label|alarm|threshold|trip|highest|lowest|bound|range|peak|warn", re.IGNORECASE
+)
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
 
 
@@ -105,17 +115,36 @@ def is_measured(site: ast.AST, name: str, units: Iterable[str | None], numbers: 
     return any(unit not in _STEPPED for unit in known) or any(not number.is_integer() for number in numbers)
 
 
-def of_places(
-    source: Source, flow: Flow, given: list[tuple[ast.AST, str, ast.expr]], units: dict[str, str | None]
-) -> Iterator[tuple[str, ast.expr]]:
-    """The members with a unit whose number comes from where a device was found, or from its id, and was not read."""
+Given = list[tuple[ast.AST, str, ast.expr]]
+"""The members of records: where each is stored, its name and its value."""
+
+
+def unmeasured(
+    source: Source, flow: Flow, given: Given, units: dict[str, str | None], tool: JsonObject
+) -> Iterator[tuple[str, ast.expr, str, str]]:
+    """(member, value, what it is instead, what to do) of each that follows the device and is no measurement of it."""
+    bounds = not _BOUND_WORDS.search(f"{tool['name']} {tool.get('description')}")
     for node, name, each in given:
         origin = flow.of(each)
         placed = origin & (Origin.FOUND | Origin.DEVICE | Origin.ARGUMENT)
         read = origin & (Origin.READ | Origin.SYSTEM | Origin.COUNTED | Origin.CLOCK)
         unread = (placed and not read) or _is_of_file(source, flow, each)
         if unread and is_measured(node, name, [units[name]], frozenset()):
-            yield name, each
+            yield name, each, "a fact about a file or its name", "read the content of the file, or ask the device"
+        files = {item.rpartition("/")[2] for item in _texts(flow, each) if "_" in item and " " not in item}
+        if bounds and files and not _BOUND_WORDS.search(name) and all(last_word(item) in _BOUNDS for item in files):
+            hint = "read the file of the measurement, or name the member and the tool after the bound"
+            yield name, each, "a bound or a label of its channel", hint
+
+
+def _texts(flow: Flow, node: ast.AST, depth: int = 6) -> Iterator[str]:
+    """The texts of which an expression is made, those of its names too."""
+    for item in walk(node):
+        if isinstance(item, ast.Constant) and isinstance(item.value, str):
+            yield item.value
+        elif isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load) and depth:
+            for value in flow.plain(item):
+                yield from _texts(flow, value, depth - 1)
 
 
 def _is_of_file(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bool:
@@ -144,11 +173,13 @@ def _is_of_file(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bo
 
 
 def _counts_files(source: Source, flow: Flow, node: ast.AST) -> bool:
-    """Whether an expression is how many files there are, none of which was read."""
+    """Whether an expression is how many files there are, none of which was read, or how long the text of one is."""
     if not isinstance(node, ast.Call) or len(node.args) != 1:
         return False
     name, given = source.dotted(node.func), node.args[0]
     ones = isinstance(given, ast.GeneratorExp | ast.ListComp) and isinstance(given.elt, ast.Constant)
+    if name == "len" and isinstance(given, ast.Call) and last(given.func) in _TEXT_OF:
+        return True
     return (name == "len" or (name == "sum" and ones)) and _lists_files(source, flow, given)
 
 

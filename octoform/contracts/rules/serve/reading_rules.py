@@ -48,7 +48,7 @@ def not_implemented(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for site, tool in served_tools(source, artifacts):
         for function in tool_functions(source, site):
             reads = tool["effect"] == "read"
-            if _does_nothing(source, function) or (reads and not flow.results(function)):
+            if does_nothing(source, function) or (reads and not flow.results(function)):
                 summary = f"the tool {shown(site.name or '')} is not implemented: a call of it never gives a result"
                 out.append(source.problem("SERVE-NOT-IMPLEMENTED", function, summary, hint))
     return out
@@ -63,7 +63,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
         used = source.entered_from(roots)
-        if any(_does_nothing(source, item) or not flow.results(item) for item in roots if tool["effect"] == "read"):
+        if any(does_nothing(source, item) or not flow.results(item) for item in roots if tool["effect"] == "read"):
             continue  # that is told, and is why nothing comes from a device
         asked = [call for function in used for call in source.asking(function)]
         summary = _asks_wrongly(source, flow, asked, tool) or _names_another(source, roots, tool, artifacts)
@@ -164,7 +164,8 @@ def _surely_called(node: ast.expr) -> Iterator[ast.Call]:
                 yield from _surely_called(item)
 
 
-def _does_nothing(source: Source, function: Function) -> bool:
+def does_nothing(source: Source, function: Function) -> bool:
+    """Whether a function is empty, or only raises."""
     return _empty(function) or _always_raises(source, function.body, frozenset({function.name}))
 
 

@@ -12,7 +12,7 @@ from typing import Any
 from octoform.base.escaping import shown
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment, of_places
+from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment, unmeasured
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.kept_values import Kept
 from octoform.contracts.rules.serve.origins import Origin, last
@@ -79,9 +79,8 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
-        for name, each in of_places(source, flow, given, units):
-            summary = f"the result's {shown(name)} is a fact about a file or its name, and not what the device measured"
-            hint = "read the content of the file, or ask the device"
+        for name, each, what, hint in unmeasured(source, flow, given, units, tool):
+            summary = f"the result's {shown(name)} is {what}, and not what the device measured"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for call in (node for node, _ in source.calls if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"

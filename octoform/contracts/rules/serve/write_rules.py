@@ -1,22 +1,29 @@
-"""The rule for SERVE that a tool of effect ``read`` changes nothing: such tools are called without asking anybody."""
+"""Rules for SERVE about what a tool changes: nothing where its effect is ``read``, and what its caller said otherwise.
+
+Tools of effect ``read`` are called without asking anybody. A tool that sets something and does not, or does it once its
+call is over, tells its caller of a state that is not there.
+"""
 
 import ast
 import re
+from collections.abc import Iterator
 from functools import lru_cache
 
 from octoform.base.escaping import shown
-from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import Origin
+from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, base, last, touches
 from octoform.contracts.rules.serve.places import folded
-from octoform.contracts.rules.serve.reading_rules import flow_of_tools
-from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
+from octoform.contracts.rules.serve.reading_rules import does_nothing, flow_of_tools
+from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions
 from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
+SETS_NOTHING, LATER, HIDDEN = "SERVE-SETS-NOTHING", "SERVE-ACTS-LATER", "SERVE-FAILURE-HIDDEN"
+UNUSED = "SERVE-ARGUMENT-UNUSED"
 _MOVING = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
 """Methods of ``runtime.units.Units`` that move a unit or switch its torque."""
 _ALWAYS_WRITES = re.compile(
@@ -64,6 +71,25 @@ _WRITTEN = re.compile(
 _WRITING_METHODS = frozenset(
     {"write_text", "write_bytes", "unlink", "rmdir", "touch", "mkdir", "chmod", "symlink_to", "hardlink_to"}
 )
+_READING = re.compile(
+    r"runtime\.(?:device|bus|files|sysroot|sentence|logged|read_\w+|channels\..+|evdev\.(?:axis|events)"
+    r"|v4l2\.(?:is_node|formats))|os\.(?:listdir|scandir|stat|access|path\..+)|glob\.\w+"
+)
+_READING_METHODS = PLACES | {
+    "read_text",
+    "read_bytes",
+    "iterdir",
+    "glob",
+    "rglob",
+    "exists",
+    "is_file",
+    "is_dir",
+    "stat",
+}
+_LATER = frozenset({"Thread", "Timer", "submit", "create_task", "ensure_future", "start_new_thread", "call_later"})
+_WAITS = frozenset({"join", "result", "gather", "wait", "wait_for", "as_completed"})
+_OF_VALUES = frozenset({"KeyError", "ValueError", "IndexError", "TypeError", "AttributeError", "StopIteration"})
+"""What goes wrong with values of the program, and not with a device."""
 
 
 def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -105,7 +131,130 @@ def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-RULES = (Rule(CODE, read_writes), Rule(ACTS, read_acts))
+def sets_nothing(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool that is no reading calls something that may change its device."""
+    source = needed_source(value)
+    hint = "write what the caller asked for to the device, or give the tool the effect read in INTERFACE"
+    return [
+        source.problem(
+            SETS_NOTHING,
+            site.node,
+            f"the tool {shown(site.name or '')} is there to set something, and only reads",
+            hint,
+        )
+        for site, tool in served_tools(source, artifacts)
+        if _sets_nothing(source, tool, tool_functions(source, site))
+    ]
+
+
+def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool uses which device its caller names, and where it sets something, all that its caller says."""
+    source = needed_source(value)
+    hint = "use it for what INTERFACE declares, or report in interface-errors that the device takes no such argument"
+    out = []
+    for site, tool in served_tools(source, artifacts):
+        functions = tool_functions(source, site)
+        idle = any(does_nothing(source, item) for item in functions) or _sets_nothing(source, tool, functions)
+        declared = {"device"} if len(tool["devices"]) > 1 else set()
+        declared |= (
+            set() if tool["effect"] == "read" else {*(tool["input_schema"].get("properties") or {})} - {"device"}
+        )
+        for function in () if idle else functions:
+            inside = [item for part in function.body for item in walk(part)]
+            loaded = {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load)}
+            given = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
+            for name in (item for item in given if item.arg in declared - loaded and "locals" not in loaded):
+                summary = f"{shown(name.arg)} changes nothing in the tool {shown(site.name or '')}"
+                out.append(source.problem(UNUSED, name, summary, hint))
+    return out
+
+
+def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """What a tool sets is set when its call ends: behind it, neither the lock nor an emergency stop holds it."""
+    source = needed_source(value)
+    hint = "do it in the call itself, or wait there for what was started (join, result)"
+    out: dict[ast.Call, Diagnostic] = {}
+    for site, used in _acting(source, artifacts):
+        for call, name in source.calls:
+            owner = source.owner(call)
+            if owner not in used or owner is None or last(call.func) not in _LATER or call in out:
+                continue
+            if not any(isinstance(item, ast.Call) and last(item.func) in _WAITS for item in walk(owner)):
+                summary = f"{shown(name)} acts when the call of {shown(site.name or '')} may be over"
+                out[call] = source.problem(LATER, call, summary, hint)
+    return list(out.values())
+
+
+def failure_hidden(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool that could not set something fails: it does not return as if it had."""
+    source = needed_source(value)
+    hint = "let the error pass, or raise ToolError with what failed"
+    out: dict[ast.AST, Diagnostic] = {}
+    for site, used in _acting(source, artifacts):
+        tries = [item for item in source.by_kind[ast.Try] if source.owner(item) in used and _may_act(source, item)]
+        for handler in (each for item in tries for each in item.handlers if _returns_all_the_same(each)):
+            summary = f"the tool {shown(site.name or '')} returns a result although what it did has failed"
+            out.setdefault(handler, source.problem(HIDDEN, handler, summary, hint))
+    return list(out.values())
+
+
+RULES = (
+    *(Rule(CODE, read_writes), Rule(ACTS, read_acts)),
+    *(
+        Rule(SETS_NOTHING, sets_nothing),
+        Rule(LATER, acts_later),
+        Rule(HIDDEN, failure_hidden),
+        Rule(UNUSED, argument_unused),
+    ),
+)
+
+
+def _acting(source: Source, artifacts: Artifacts) -> Iterator[tuple[ToolSite, list[Function]]]:
+    """Each tool that is no reading, with the functions that it can enter."""
+    for site, tool in served_tools(source, artifacts):
+        if tool["effect"] != "read":
+            yield site, source.entered_from(tool_functions(source, site))
+
+
+def _sets_nothing(source: Source, tool: JsonObject, functions: list[Function]) -> bool:
+    """Whether a tool that is no reading asks for its device and certainly changes nothing there."""
+    used = source.entered_from(functions) if tool["effect"] != "read" else []
+    stored = (item for function in used for item in walk(function) if isinstance(item, ast.Attribute | ast.Subscript))
+    if not any(source.asking(item) for item in used) or any(isinstance(item.ctx, ast.Store) for item in stored):
+        return False
+    return all(_only_reads(source, call, name) for call, name in source.calls if source.owner(call) in used)
+
+
+def _only_reads(source: Source, call: ast.Call, name: str) -> bool:
+    """Whether a call certainly changes nothing, or enters a function of the file, which is looked at itself."""
+    own = {item.name for item in (*source.functions, *source.classes)}
+    root = base(call.func)
+    if last(call.func) in own:
+        return True
+    if last(call.func) == "open":
+        return name in ("open", "io.open") and len(call.args) == 1 and not call.keywords
+    if root is not None and (root is call.func or root.id in source.names):
+        record = root is call.func and root.id not in source.names and root.id[:1].isupper()
+        known = _READING.fullmatch(name) or (PURE.fullmatch(name) and not touches(name))
+        return record or bool(known)
+    return last(call.func) in _READING_METHODS
+
+
+def _may_act(source: Source, node: ast.Try) -> bool:
+    calls = [item for part in node.body for item in walk(part) if isinstance(item, ast.Call)]
+    own = {item.name for item in source.functions}
+    return any(last(call.func) in own or not _only_reads(source, call, source.dotted(call.func)) for call in calls)
+
+
+def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
+    """Whether a failure ends in a result that does not tell of it."""
+    kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type] if handler.type else []
+    if kinds and all(last(item) in _OF_VALUES for item in kinds):
+        return False
+    inside = [item for part in handler.body for item in walk(part)]
+    told = any(isinstance(item, ast.Name) and item.id == handler.name for item in inside)
+    returns = any(isinstance(item, ast.Return) and item.value is not None for item in inside)
+    return returns and not told and not any(isinstance(item, ast.Raise) for item in inside)
 
 
 def _acts(node: ast.AST, has_units: bool) -> str | None:
