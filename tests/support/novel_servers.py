@@ -244,7 +244,8 @@ ACTS: dict[str, Any] = {
     ),
     "as if it had": body(
         "set_brightness",
-        "try:\n    return lights(device, 'backlight', percent)\nexcept OSError:\n    return lights(device, 'backlight')",
+        "try:\n    return lights(device, 'backlight', percent)\n"
+        "except OSError:\n    return lights(device, 'backlight')",
     ),
     "as if it had, whatever went wrong": light(
         f"try:\n    {WRITE}\nexcept Exception:\n    return Lights(device=device, lights=[])"
