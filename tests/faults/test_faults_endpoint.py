@@ -75,6 +75,10 @@ async def adds(client: RawClient, first: int, count: int) -> int:
     return right
 
 
+EACH = 12
+"""Calls of each of 32 at once."""
+
+
 def test_many_calls_at_once_lose_nothing(bench: Launched) -> None:
     records = bench.layout.logs / "audit.jsonl"
     before = len(records.read_bytes().splitlines())
@@ -82,18 +86,18 @@ def test_many_calls_at_once_lose_nothing(bench: Launched) -> None:
     async def flood() -> int:
         async with RawClient(bench.layout.socket) as one, RawClient(bench.layout.socket) as two:
             clients = [one, two] * 16
-            return sum(await asyncio.gather(*(adds(client, 1000 * at, 50) for at, client in enumerate(clients))))
+            return sum(await asyncio.gather(*(adds(client, 1000 * at, EACH) for at, client in enumerate(clients))))
 
-    assert asyncio.run(flood()) == 32 * 50
+    assert asyncio.run(flood()) == 32 * EACH
 
     def named(event: str) -> list[str]:
         added = [json.loads(line) for line in records.read_bytes().splitlines()[before:]]
         return [entry["call"] for entry in added if entry["event"] == event]
 
     decided = named("decision")
-    assert len(set(decided)) == len(decided) == 32 * 50
+    assert len(set(decided)) == len(decided) == 32 * EACH
     deadline = time.monotonic() + 10
-    while len(named("outcome")) < 32 * 50:  # those of readings follow in a moment
+    while len(named("outcome")) < 32 * EACH:  # those of readings follow in a moment
         assert time.monotonic() < deadline, "outcomes are missing"
         time.sleep(0.05)
     assert sorted(decided) == sorted(named("outcome"))

@@ -62,15 +62,6 @@ def test_is_refused_by_name_and_the_run_stops(project: Project, stage: str) -> N
     assert project.nodes()[stage]["status"] == "failed"
 
 
-def test_a_refusal_becomes_the_next_attempts_prompt(project: Project) -> None:
-    project.script = {"identify": [{"mutate": [[["devices", 2], INVENTED]]}, "good"]}
-    project.apply("-target", "identify", status=0)
-    prompt = (project.attempts("identify")[1] / "prompt.md").read_text()
-    assert "IDENTIFY-INVENTED-DEVICE" in prompt
-    assert "usb-9999-0001" in prompt
-    assert project.nodes()["identify"]["attempts"] == 2
-
-
 def test_f08b_output_of_a_failed_attempt_is_never_seen_again(project: Project) -> None:
     project.script = {"probe": [{"write": '{"format": 1, "half', "sleep": 30}, {"exit": 1}]}
     project.manifest = {"budget": "{attempts: 2, attempt_timeout: 1s}"}
@@ -139,56 +130,43 @@ def test_f28_a_failed_probe_keeps_the_last_good_one(project: Project) -> None:
     assert project.nodes()["probe"]["status"] == "accepted"
 
 
-def test_f29_writes_outside_the_attempt_are_undone_and_fail_it(project: Project) -> None:
+def test_f29_what_is_written_outside_of_the_attempt_is_undone_and_fails_it(project: Project) -> None:
+    """Octoform's own records are no more the agent's than its sources; nor is another stage's spec, which a person
+    might promote."""
     project.apply("-target", "identify", status=0)
-    artifact = project.state / "probe" / "output.json"
-    before = artifact.read_bytes()
-    manifest = project.folder / "octopus.yaml"
-    project.script = {"identify": [{"touch": [str(artifact), str(manifest)]}, "good"]}
+    own = ["instances.json", "specs/serve.json", "endpoint/launch", "attempts/000001-probe-1/attempt.json"]
+    names = ["octopus.yaml", "state/bench/probe/output.json", *(f".octoform/bench/{name}" for name in own)]
+    files = [project.folder / name for name in names]
+    project.script = {"identify": [{"touch": [str(path) for path in files]}, "good"]}
     project.write()
-    written = manifest.read_bytes()
-    done = project.run("apply", "-auto-approve", "--json", "-target", "identify", "-replace", "identify", status=0)
-    assert "APPLY-OUTSIDE-WRITE" in done.codes()
-    assert artifact.read_bytes() == before
-    assert manifest.read_bytes() == written
-    assert project.nodes()["identify"]["attempts"] == 2
-
-
-def test_f29_octoforms_own_records_are_no_more_the_agents_than_its_sources(project: Project) -> None:
-    """Also a planted edit of another stage's spec, which a person might promote."""
-    project.apply("-target", "identify", status=0)
-    local = project.local
-    names = ["instances.json", "specs/serve.json", "endpoint/launch", "attempts/000001-probe-1/attempt.json"]
-    files = [local / name for name in names]
     before = {path: path.read_bytes() if path.exists() else None for path in files}
     for path in files:
         path.parent.mkdir(exist_ok=True)
-    project.script = {"identify": [{"touch": [str(path) for path in files]}, "good"]}
-    done = project.apply("-target", "identify", "-replace", "identify", status=0)
+    done = project.run("apply", "-auto-approve", "--json", "-target", "identify", "-replace", "identify", status=0)
     refused = next(event for event in done.events() if event["type"] == "attempt_errored")
-    told = {item["path"] for item in refused["diagnostics"] if item["severity"] == "error"}
-    assert told == {f".octoform/bench/{name}" for name in names}
+    assert {item["code"] for item in refused["diagnostics"] if item["severity"] == "error"} == {"APPLY-OUTSIDE-WRITE"}
+    assert {item["path"] for item in refused["diagnostics"] if item["severity"] == "error"} == set(names)
     assert {path: path.read_bytes() if path.exists() else None for path in files} == before
+    assert project.nodes()["identify"]["attempts"] == 2
     undone = project.attempts("identify")[1] / "undone" / ".octoform" / "bench"
     assert (undone / "specs" / "serve.json").read_text() == "touched by the agent\n"
     assert json.loads(project.run("spec", "diff", "-json", status=0).out)["edits"] == []
 
 
-@pytest.mark.parametrize("stage", ["probe", "identify"])
-def test_f38_logs_of_any_bytes_and_any_size_reach_the_next_prompt_bounded(project: Project, stage: str) -> None:
-    flood = "x" * 3_000_000 + "\x1b[31m‮"
-    project.script = {stage: [{"say": flood, "exit": 2}, "good"]}
-    project.apply("-target", stage, status=0)
-    prompt = (project.attempts(stage)[1] / "prompt.md").read_bytes()
-    assert len(prompt) <= 48 * 1024
-    assert b"\x1b" not in prompt
-    assert "‮" not in prompt.decode()
-
-
-def test_f35_an_agent_that_fails_twice_then_works(project: Project) -> None:
-    project.script = {"probe": [{"exit": 1}, {"exit": 0}, "good"]}
-    project.apply("-target", "probe", status=0)
-    assert project.nodes()["probe"]["attempts"] == 3
+def test_f35_f38_attempts_that_fail_and_their_logs_reach_the_next_prompt_bounded(project: Project) -> None:
+    flood = {"say": "x" * 3_000_000 + "\x1b[31m\u202e", "exit": 2}
+    invented = {"mutate": [[["devices", 2], INVENTED]]}
+    project.script = {"probe": [{"exit": 1}, {"exit": 0}, flood, "good"], "identify": [flood, invented, "good"]}
+    project.manifest = {"budget": "{attempts: 4}"}
+    project.apply("-target", "identify", status=0)
+    assert {name: node["attempts"] for name, node in project.nodes().items()} == {"probe": 4, "identify": 3}
+    for attempt in (project.attempts("probe")[3], project.attempts("identify")[1]):
+        prompt = (attempt / "prompt.md").read_bytes()
+        assert len(prompt) <= 48 * 1024
+        assert b"\x1b" not in prompt
+        assert "\u202e" not in prompt.decode()
+    refused = (project.attempts("identify")[2] / "prompt.md").read_text()
+    assert "IDENTIFY-INVENTED-DEVICE" in refused and "usb-9999-0001" in refused
 
 
 def test_f36_a_stage_that_fails_all_attempts_stops_the_run(project: Project) -> None:
