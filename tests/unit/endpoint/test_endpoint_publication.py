@@ -1,6 +1,7 @@
 """What a client finds: descriptor, snippets, launcher, in this order, on any path."""
 
 import json
+import shlex
 import subprocess
 import sys
 import tomllib
@@ -11,6 +12,7 @@ import pytest
 from ruamel.yaml import YAML
 from unit.endpoint.endpoint_servers import CLOCK, VOLTAGE, publish, service_of
 
+from octoform.endpoint.bounded_program import ForkServer, base_environment, run
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.publication import write_endpoint
 from octoform.state.layout import Layout
@@ -27,8 +29,12 @@ Done = subprocess.CompletedProcess[str]
 
 
 def launched(layout: Layout) -> Done:
-    """The launcher by hand, to its end."""
-    return subprocess.run([layout.endpoint / "launch"], capture_output=True, text=True, timeout=60, check=False)
+    """What the launcher runs, by hand and to its end, as a fork of what has loaded the packages."""
+    *words, given = shlex.split((layout.endpoint / "launch").read_text().partition("exec ")[2])
+    assert given == "$@"
+    server = ForkServer.at(Path(words[0]))
+    done = run(words, cwd=layout.project, environment=base_environment(), timeout=60, fork_server=server)
+    return Done(words, done.status or 0, done.stdout, done.stderr)
 
 
 def asked(layout: Layout, line: dict[str, Any], cwd: Path) -> Done:
