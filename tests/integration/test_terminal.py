@@ -17,7 +17,7 @@ def on_terminal(project: Project, *arguments: str, **environ: str) -> Terminal:
 def test_a_run_on_a_terminal_shows_a_moving_line_and_leaves_a_clean_screen(project: Project) -> None:
     project.script = {"probe": [{"say": "looking at 41 devices", "copy": str(GOOD), "sleep": 1}]}
     project.write()
-    terminal = on_terminal(project, "apply", "-target", "identify")
+    terminal = Terminal(project.folder, project.environment(), "apply", "-target", "identify", program=True)
     terminal.wait_for("Enter a value:")
     terminal.type("yes\n")
     status, last = terminal.end()

@@ -12,16 +12,26 @@ from pathlib import Path
 from typing import IO
 
 import pyte
+import warm
 from projects import OCTOFORM
 
 LINES, COLUMNS = 40, 100
 
 
 class Terminal:
-    """A command on a pseudo terminal; every screen that it has shown is kept. ``stdout`` may go elsewhere."""
+    """A command on a pseudo terminal; every screen that it has shown is kept. ``stdout`` may go elsewhere.
+
+    It is a fork of the loaded command line (see `warm`), whose streams are UTF-8; a ``program`` of its own takes the
+    encoding from its locale, and has the command line of one.
+    """
 
     def __init__(
-        self, folder: Path, environ: Mapping[str, str], *arguments: str, stdout: "IO[bytes] | int | None" = None
+        self,
+        folder: Path,
+        environ: Mapping[str, str],
+        *arguments: str,
+        stdout: "IO[bytes] | int | None" = None,
+        program: bool = False,
     ) -> None:
         self._screen = pyte.Screen(COLUMNS, LINES)
         self._stream = pyte.ByteStream(self._screen)
@@ -29,16 +39,22 @@ class Terminal:
         self.raw = b""
         self._master, slave = pty.openpty()
         settings = {"TERM": "xterm", "COLUMNS": str(COLUMNS), "LINES": str(LINES)}
-        self.process = subprocess.Popen(
-            [str(OCTOFORM), *arguments],
-            cwd=folder,
-            env={**settings, **environ},
-            stdin=slave,
-            stdout=slave if stdout is None else stdout,
-            stderr=slave,
-            start_new_session=True,
-            preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C becomes a signal
-        )
+        told = slave if stdout is None else stdout if isinstance(stdout, int) else stdout.fileno()
+        self.process: subprocess.Popen[bytes] | warm.Begun
+        if program:
+            self.process = subprocess.Popen(
+                [str(OCTOFORM), *arguments],
+                cwd=folder,
+                env={**settings, **environ},
+                stdin=slave,
+                stdout=told,
+                stderr=slave,
+                start_new_session=True,
+                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C becomes a signal
+            )
+        else:
+            streams = (slave, told, slave)
+            self.process = warm.begin(OCTOFORM, arguments, folder, {**settings, **environ}, streams)
         os.close(slave)
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()

@@ -1,12 +1,14 @@
 """Runs the command line without the second that loading it takes: each run is a fork of a loaded process.
 
 The forked process is octoform as a shell would start it: own folder, environment, streams and exit. Tests run it some
-hundred times, also from several threads. What a test starts and leaves running, or sends signals to, is started as a
-new program instead. A program of Python beside octoform (``.py``) can be run in the same way.
+hundred times, also from several threads, and have it on a terminal of its own. What else a test starts and leaves
+running, or sends signals to, is started as a new program instead. A program of Python beside octoform (``.py``) can be
+run in the same way.
 """
 
 import atexit
 import contextlib
+import fcntl
 import gc
 import importlib
 import json
@@ -18,6 +20,7 @@ import selectors
 import socket
 import subprocess
 import sys
+import termios
 import threading
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -77,6 +80,45 @@ def run(
         except TimeoutError:
             os.kill(pid, 9)  # not reaped before its status was sent, so it is still this process
             raise subprocess.TimeoutExpired(words, seconds) from None
+
+
+class Begun:
+    """A run that goes on, in the form of `subprocess.Popen`."""
+
+    def __init__(self, pid: int, its: socket.socket) -> None:
+        self.pid = pid
+        self._its = its
+        self._status: int | None = None
+
+    def wait(self, timeout: float) -> int:
+        """Its status once it has ended; subprocess.TimeoutExpired when it has not in so many seconds."""
+        if self._status is None:
+            self._its.settimeout(timeout)
+            try:
+                self._status = int(self._its.recv(64))
+            except TimeoutError:
+                raise subprocess.TimeoutExpired([str(self.pid)], timeout) from None
+            self._its.close()
+        return self._status
+
+    def kill(self) -> None:
+        """Kill it, if it has not ended."""
+        if self._status is None:
+            os.kill(self.pid, 9)
+
+
+def begin(
+    program: Path, arguments: Sequence[str], cwd: Path, environ: Mapping[str, str], streams: tuple[int, int, int]
+) -> Begun:
+    """Start a run in a session of its own, whose terminal is the first of the ``streams`` (stdin, stdout, stderr)."""
+    order = {"argv": [str(program), *arguments], "cwd": str(cwd), "environ": dict(environ), "said": "", "kept": False}
+    stdin, out, err = streams
+    mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+    with its:
+        with _ONE:
+            keeper = _keeper()
+        socket.send_fds(keeper, [json.dumps(order).encode()], [its.fileno(), out, err, stdin])
+    return Begun(int(mine.recv(64)), mine)
 
 
 def completed(
@@ -149,7 +191,7 @@ def keep(orders: socket.socket) -> int:
                 os.close(key.fd)
                 _tell_end(*key.data)
                 continue
-            order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 3)
+            order, descriptors, _, _ = socket.recv_fds(orders, LARGEST, 4)
             if not order:
                 return 0
             servers = _fork_servers(Path(json.loads(order)["cwd"]), own=json.loads(order)["kept"])
@@ -157,12 +199,14 @@ def keep(orders: socket.socket) -> int:
             if not pid:
                 selector.close()
                 orders.detach()
-                _become(json.loads(order), *descriptors[1:], *servers)
+                for terminal in descriptors[3:]:
+                    _sit_at(terminal)
+                _become(json.loads(order), *descriptors[1:3], *servers)
                 _ENDED.append(_status())
                 return _ENDED[0]
             asker = socket.socket(fileno=descriptors[0])
-            os.close(descriptors[1])
-            os.close(descriptors[2])
+            for descriptor in descriptors[1:]:
+                os.close(descriptor)
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
 
@@ -265,6 +309,14 @@ def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
     if kept:
         start_stop._Detached = Loaded  # type: ignore[misc]
     sys.argv = [str(word) for word in argv]
+
+
+def _sit_at(terminal: int) -> None:
+    """Have it on stdin, in a session of its own: what is typed there becomes a signal."""
+    os.setsid()
+    os.dup2(terminal, 0)
+    fcntl.ioctl(0, termios.TIOCSCTTY, 0)
+    sys.stdin = open(0, encoding="utf-8", closefd=False)  # noqa: SIM115
 
 
 def _hear(said: str) -> None:
