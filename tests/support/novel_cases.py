@@ -314,7 +314,24 @@ IDENTIFY_WRONG |= {
         ),
     ),
 }
+
+
+def in_words(name: str, text: str) -> Any:
+    """A tool with this description."""
+    return lambda value: interface.tool(value, name).update(description=text)
+
+
+def percent(**bounds: float) -> Any:
+    """`set_brightness` with other bounds."""
+    return lambda value: interface.tool(value, "set_brightness")["input_schema"]["properties"]["percent"].update(bounds)
+
+
 INTERFACE_WRONG |= {
+    "a temperature that is described in percent": in_words("read_temperature", "Read the humidity in percent."),
+    "a temperature that is described in volts": in_words("read_temperature", "Read the sensor in volts."),
+    "a percentage up to a hundred thousand": percent(maximum=100_000),
+    "a percentage far below zero": percent(minimum=-1e6),
+    "a temperature as one text": result("read_temperature", ("text", TEXT)),
     "degrees that are millivolts": result(
         "read_temperature", ("temperature_c", {**NUMBER, "description": "millivolts at the sensor"})
     ),
@@ -333,6 +350,12 @@ INTERFACE_WRONG |= {
     "a speed in volts": result("read_temperature", ("fan_rpm", {**NUMBER, "description": "in volts"})),
 }
 INTERFACE_RIGHT |= {
+    "a temperature in another unit of it": in_words("read_temperature", "Read every temperature in kelvin."),
+    "a temperature beside a load in percent": in_words(
+        "read_temperature", "Read the temperature in degrees Celsius, at which fans run at 100 percent."
+    ),
+    "a temperature in other words": in_words("read_temperature", "Lit la température de la carte en °C."),
+    "a percentage that may be negative": percent(minimum=-100),
     "degrees that a voltage gives": result(
         "read_temperature",
         ("temperature_c", {**NUMBER, "description": "degrees Celsius, computed from the millivolts of the sensor"}),

@@ -26,7 +26,6 @@ SENSOR = "hwmon-benchtemp"
 WARNED = ("DEPLOY-VERSION-EARLY", "DEPLOY-FAILED-UNKNOWN")
 MILD = (
     "a bare text",
-    "a text to be parsed",
     "a reading of the open world",
     "a lamp that destroys",
     "an order in another voice",

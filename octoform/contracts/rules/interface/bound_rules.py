@@ -11,7 +11,7 @@ from typing import Any, TypeGuard
 
 from octoform.base.escaping import shown
 from octoform.base.pointer import pointer
-from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
+from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
 from octoform.diagnostics import Diagnostic, error
@@ -68,16 +68,22 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """The range of a number holds something, and its default is within it."""
+    """The range of a number holds its default and something, and nothing that cannot be in its unit."""
     out = []
     hint = "write the lower bound as minimum, the upper one as maximum, and a default between them"
     for index, tool in enumerate(value["tools"]):
         for name, where, member in _parameters(index, tool):
             low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
+            unit = unit_of_name(name) or unit_in(member.get("description"))
+            beyond = [
+                side for side in (low, high) if unit is not None and _is_plain(side) and not is_possible(side, unit)
+            ]
             if _is_plain(low) and _is_plain(high) and low > high:
                 why = f"has the minimum {low:g} above the maximum {high:g}"
             elif _is_plain(given) and ((_is_plain(low) and given < low) or (_is_plain(high) and given > high)):
                 why = f"has the default {given:g}, which its own range does not hold"
+            elif beyond:
+                why = f"reaches {beyond[0]:g} {unit}, which nothing does"
             else:
                 continue
             summary = f"{shown(name)} of {shown(tool['name'])} {why}"

@@ -16,7 +16,13 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is
 from octoform.contracts.name_clues import same_action
 from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.interface import bound_rules
-from octoform.contracts.rules.interface.member_units import measured_without_unit, read_nothing, unit_against_name
+from octoform.contracts.rules.interface.member_units import (
+    is_measured_name,
+    measured_without_unit,
+    read_nothing,
+    unit_against_name,
+    unit_of_another,
+)
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
@@ -82,7 +88,8 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         elif _is_text(tool["output_schema"]):
             summary = f"the result of {shown(tool['name'])} is one text"
-            out.append(warning("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+            told = error if is_measured_name(tool["capability"]) else warning
+            out.append(told("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         else:
             for place, why in read_nothing(tool["capability"], tool["output_schema"]):
                 summary = f"the result of {shown(tool['name'])} {escaped(why)}"
@@ -114,6 +121,10 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         schema = tool.get("output_schema") if tool["effect"] == "read" else None
+        if (unit := unit_of_another(tool["capability"], tool["description"])) is not None:
+            summary = f"the description of {shown(tool['name'])} is about {unit}, which is no unit of what it reads"
+            place = pointer("tools", index, "description")
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="describe what this tool reads"))
         for where, name in measured_without_unit(schema):
             summary = f"the result's {shown(name)} of {shown(tool['name'])} is a quantity, and no unit is given"
             hint = f"put the unit into the description of {shown(name)} or at the end of its name, or a member `unit` "
@@ -121,9 +132,7 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
         for where, name in unit_against_name(tool.get("output_schema")):
-            summary = (
-                f"the result's {shown(name)} of {shown(tool['name'])} has one unit by its name and another by its words"
-            )
+            summary = f"the {shown(name)} of {shown(tool['name'])} has one unit by its name and another by its words"
             place = pointer("tools", index, "output_schema", *where)
             out.append(
                 error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")

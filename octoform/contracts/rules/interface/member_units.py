@@ -247,6 +247,29 @@ def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tupl
         yield from unit_against_name(schema.get(part), (*where, part))
 
 
+_UNITS_OF: dict[str, frozenset[str]] = {
+    **dict.fromkeys(_HEAT, frozenset({"degC", "degF", "K"})),
+    **dict.fromkeys(("humidity",), frozenset({"%"})),
+    **dict.fromkeys(("voltage",), frozenset({"V"})),
+    **dict.fromkeys(("amperage",), frozenset({"A"})),
+    **dict.fromkeys(("wattage",), frozenset({"W"})),
+    **dict.fromkeys(("pressure",), frozenset({"kPa", "hPa"})),
+    **dict.fromkeys(("illuminance",), frozenset({"lux"})),
+}
+"""The units of `octoform.base.quantities` in which a quantity can be."""
+
+
+def is_measured_name(name: str) -> bool:
+    """Whether a name ends in a quantity: `read_temperature` gives a number with a unit."""
+    return (tokens(name) or [""])[-1] in _UNITS_OF
+
+
+def unit_of_another(name: str, description: Any) -> str | None:
+    """The one unit of a description in which the quantity that a name ends in cannot be; None where there is none."""
+    possible, found = _UNITS_OF.get((tokens(name) or [""])[-1]), unit_in(description)
+    return found if possible is not None and found is not None and found not in possible else None
+
+
 def _kinds(member: Any) -> set[str]:
     forms = [member, *member.get("anyOf", ())] if isinstance(member, Mapping) else []
     kinds = [each.get("type") for each in forms if isinstance(each, Mapping)]
