@@ -167,6 +167,8 @@ def test_a_camera_that_does_not_show_what_is_before_it_ends_an_apply(bench: Benc
     assert camera is not None
     try:
         for fault, code in {"black": "STEP-PICTURE-EMPTY", "frozen": "STEP-PICTURE-FROZEN"}.items():
+            camera.fault = None
+            camera.write()  # what freezes is a picture of the bench
             camera.fault = fault
             camera.write()
             done = bench.project.run("apply", "-auto-approve", "-replace", "step.perceive")
