@@ -14,6 +14,8 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 
+pytestmark = pytest.mark.dear
+
 CAMERA, PANEL, SENSOR, RELAY = "usb-1f00-00c1", "hid-1f00-0078", "hwmon-benchtemp", "usb-1f00-00e1"
 DISK, DISK_OF_TWO, METER, LINE, STICK = (
     "pci-1f00-5017",

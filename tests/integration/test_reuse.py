@@ -15,6 +15,8 @@ from octoform.state.accepted import file_digest
 from octoform.state.layout import Layout
 from octoform.state.reusable import find
 
+pytestmark = pytest.mark.dear
+
 
 def repository(folder: Path) -> Project:
     """A project at the top of a git repository."""

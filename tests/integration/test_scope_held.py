@@ -18,6 +18,8 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
 
+pytestmark = pytest.mark.dear
+
 CAMERA, SENSOR, NEAR, PAIRED = "usb-1f00-00c1", "hwmon-benchtemp", "network-neighbour", "bluetooth-paired"
 NEIGHBOUR: Output = {"name": "neighbour", "interface": "network", "raw_descriptor": "state: reachable"}
 HEADSET: Output = {"name": "paired device", "interface": "bluetooth", "raw_descriptor": "kind: audio\nprofile: 111e"}
