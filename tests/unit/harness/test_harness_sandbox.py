@@ -47,8 +47,20 @@ def removed(paths: list[Path]) -> list[Path]:
     return there
 
 
-def test_only_the_attempts_folder_can_be_written(host: Host) -> None:
+@pytest.fixture
+def open_to_all() -> Iterator[Path]:
+    """A folder that anybody may write, neither below a home nor where each user has a temporary folder."""
+    place = next(Path(name) for name in ("/opt", "/srv", "/var/lib", "/var/tmp") if os.access(name, os.W_OK))
+    folder = Path(tempfile.mkdtemp(prefix="octoform-sandbox-", dir=place))
+    folder.chmod(0o777)
+    yield folder
+    shutil.rmtree(folder)
+
+
+def test_only_the_attempts_folder_can_be_written(host: Host, open_to_all: Path) -> None:
     outside = [
+        open_to_all / "of-nobody",
+        host.write(open_to_all / "notes.txt"),
         host.write(host.home / "notes.txt"),
         host.write(host.project / "octopus.yaml"),
         host.write(host.project / "state" / "bench" / "state.json"),
