@@ -182,7 +182,7 @@ def script(server: str = SERVER, more: Mapping[str, ToolRow] | None = None) -> d
 
 def _annotated(device: str, name: str, tools: Mapping[str, ToolRow]) -> dict[str, Any]:
     made = [
-        {"name": tool, "description": text, "via": "an interface of the kernel", "effect": effect}
+        {"name": f"{tool}_line", "description": text, "via": "an interface of the kernel", "effect": effect}
         for tool, (devices, text, effect) in tools.items()
         if device in devices
     ]
@@ -202,7 +202,7 @@ def _tool(name: str, devices: list[str], text: str, effect: str) -> dict[str, An
     which = {"device": {"type": "string", "enum": devices, "description": "the board"}} if len(devices) > 1 else {}
     return {
         "name": name,
-        "capability": name,
+        "capability": f"{name}_line",  # each result is the line that was read, and no quantity
         "devices": devices,
         "description": text,
         "effect": effect,
