@@ -50,7 +50,7 @@ def pytest_collection() -> Generator[None, object, object]:
         return (yield)
     finally:
         gc.freeze()
-        gc.set_threshold(20_000, 20, 50)  # a look at every 700 objects takes a sixth of what judging servers does
+        gc.set_threshold(20_000, 10, 10)  # a look at every 700 objects takes a sixth of what judging servers does
         gc.enable()
 
 
