@@ -86,7 +86,7 @@ def _read(pid: int, name: str) -> bytes:
 
 def _whole(path: str) -> bytes:
     """A file of /proc, bounded. Hundreds are read at once, for which a stream and a path each would be too dear."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         found = b""
         while len(found) < _MOST_BYTES and (piece := os.read(descriptor, _MOST_BYTES - len(found))):
