@@ -79,14 +79,14 @@ def _limit(pid: int) -> int | None:
 
 def _read(pid: int, name: str) -> bytes:
     try:
-        return _whole(f"{PROC}/{pid}/{name}")
+        return _whole(PROC, pid, name)
     except OSError:
         return b""
 
 
-def _whole(path: str) -> bytes:
+def _whole(proc: Path, pid: int, name: str) -> bytes:
     """A file of /proc, bounded. Hundreds are read at once, for which a stream and a path each would be too dear."""
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
+    descriptor = os.open(f"{proc}/{pid}/{name}", os.O_RDONLY | os.O_CLOEXEC)
     try:
         found = b""
         while len(found) < _MOST_BYTES and (piece := os.read(descriptor, _MOST_BYTES - len(found))):
@@ -119,7 +119,7 @@ class ProcessStat(NamedTuple):
 def process_stat(pid: int, proc: Path = PROC) -> ProcessStat | None:
     """What there is of a process now; None when there is none, or where there is no /proc."""
     try:
-        text = _whole(f"{proc}/{pid}/stat").decode(errors="replace")
+        text = _whole(proc, pid, "stat").decode(errors="replace")
         # The command name stands in parentheses and may hold anything, parentheses and blanks too.
         fields = text[text.rindex(")") + 2 :].split()
         return ProcessStat(fields[0], int(fields[1]), int(fields[2]), int(fields[17]), int(fields[19]))

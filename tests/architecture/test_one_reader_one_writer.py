@@ -22,7 +22,7 @@ READERS = {"base/files.py", "contracts/artifact_parser.py"}
 PLAIN = {"read_text", "read_bytes", "write_text", "write_bytes"}
 MODE = re.compile(r"'[rwxa]b?\+?'")
 # What keeps `os.open` from waiting for the other end of a pipe, or from taking what is there already.
-PROMPT = {"O_NONBLOCK", "O_DIRECTORY", "O_EXCL", "O_RDWR", "/proc/", "PROC /", "devnull"}
+PROMPT = {"O_NONBLOCK", "O_DIRECTORY", "O_EXCL", "O_RDWR", "/proc/", "PROC /", "{proc}/", "devnull"}
 
 
 def relative(path: Path) -> str:
