@@ -8,6 +8,7 @@ import subprocess
 from pathlib import Path
 
 PROGRAM = "endpoint/serve.py"
+FORKED = "endpoint/scripts/fork_server.py"
 SLEEP = ["sleep", "86400"]
 _sleeping: list["subprocess.Popen[bytes]"] = []
 
@@ -23,13 +24,15 @@ def end_endpoints(folder: Path) -> None:
 
 
 def _serves_below(folder: Path, process: str) -> bool:
+    """Whether it runs an endpoint's program, or is the fork of a fork server that works where an endpoint does."""
     try:
         with Path(f"/proc/{process}/cmdline").open("rb", buffering=0) as line:
-            words = line.read().split(b"\0")
+            words = [os.fsdecode(word) for word in line.read().split(b"\0")[1:3]]
+        place = Path(f"/proc/{process}/cwd").readlink()
     except OSError:
         return False
-    programs = [os.fsdecode(word) for word in words[1:3] if word.endswith(PROGRAM.encode())]
-    return any(Path(program).is_relative_to(folder) for program in programs)
+    forked = any(word.endswith(FORKED) for word in words) and place.name == "run" and place.is_relative_to(folder)
+    return forked or any(word.endswith(PROGRAM) and Path(word).is_relative_to(folder) for word in words)
 
 
 def record_running(run: Path) -> None:

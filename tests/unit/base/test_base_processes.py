@@ -48,6 +48,8 @@ def test_a_process_lives_until_it_ends_and_a_zombie_does_not() -> None:
     with subprocess.Popen(SLEEPS) as child:
         start = start_of(child.pid)
         assert is_alive(child.pid, start) and not is_alive(child.pid, None)
+        while not processes.command_line(child.pid):
+            continue  # the kernel lets the parent go on before it has put down the arguments
         assert processes.command_line(child.pid) == tuple(SLEEPS)
         child.kill()
         until(lambda: start_of(child.pid) is None, "it is a zombie")
