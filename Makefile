@@ -26,8 +26,8 @@ ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Marked `patience` are the cells of the failure matrix that let seconds pass, with all programs but pi.
 MARKED := ((not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))) and not patience)\
 	$(foreach name,$(CLIENTS), or (client and harness_$(subst -,_,$(name))))
-# Two more than there are cores: many tests wait for a process, and seldom all at a time.
-WORKERS := $(shell expr $$(nproc) + 2)
+# One more than there are cores: many tests wait for a process, and seldom all at a time.
+WORKERS := $(shell expr $$(nproc) + 1)
 
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
