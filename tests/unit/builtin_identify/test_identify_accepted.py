@@ -93,6 +93,7 @@ def refused(entry: dict[str, Any]) -> list[str]:
 @example("with CardSwipe", "USB Serial", "usb")
 @example("Lamp", "", "usb")
 @example("Docking Station", "", "usb")
+@example("USBPrinter", "", "usb")
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
     form = SHAPES[shape]
     lines = [

@@ -119,6 +119,15 @@ def description_copied(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return out
 
 
+_JOINED = 5
+"""Letters of a word of class that counts within another word too (``USBPrinter``); a shorter one may be by chance."""
+
+
+def _spelt(entry: JsonObject) -> str:
+    """All that a device calls itself, as one text."""
+    return _ESCAPE.sub("", f"{entry['name']} {entry['raw_descriptor']}").casefold()
+
+
 def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The word of class follows from a class of the kernel or of USB, or is said by the device or its owner."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
@@ -131,6 +140,7 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
         )
         told |= said([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
+        told |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
         ways = ways_of(entry)
         if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], told | parts(told)):
             summary = (
@@ -200,7 +210,7 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
             for word in telling
             if is_proper(word, name) or (word[:1].isupper() and name.startswith(word)) or has_digit(word)
         ]
-        spelt = _ESCAPE.sub("", f"{entry['name']} {entry['raw_descriptor']}").casefold()
+        spelt = _spelt(entry)
         unsaid = [word for word in missing(proper, own) if word.isascii() and word.casefold() not in spelt]
         unsaid = [word for word in unsaid if word.casefold() not in _ASIDE]
         if unsaid and all(text.isascii() for text in (str(entry["name"]), str(entry["raw_descriptor"]))):
