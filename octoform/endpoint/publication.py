@@ -4,19 +4,22 @@ The order matters: anyone who finds a launcher finds a complete endpoint. The ma
 the digests of all these files, so that a plan sees when one was edited or lost.
 """
 
+import dataclasses
 import json
 import os
 import shlex
 import shutil
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from contextlib import suppress
+from importlib.machinery import SourceFileLoader
+from importlib.util import cache_from_source
 from pathlib import Path, PurePosixPath
 from typing import Any
 
 import octoform
 from octoform.base.digest import of_bytes
-from octoform.base.files import make_way, parse, private_folder, read, read_json
+from octoform.base.files import make_way, parse, private_folder, read, read_json, replace
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
@@ -40,6 +43,7 @@ from octoform.endpoint.published_files import (
     folder_digest,
     program_digest,
     program_files,
+    program_paths,
     read_manifest,
 )
 from octoform.records import dataclass
@@ -83,7 +87,7 @@ class Service:
 
     tools: Sequence[Mapping[str, Any]]
     policy: Mapping[str, Any]
-    devices: Sequence[Mapping[str, Any]] = field(default=())
+    devices: Sequence[Mapping[str, Any]] = dataclasses.field(default=())
     scope: str = "local"
     network: Mapping[str, Any] | None = None
     tunnel: Mapping[str, Any] | None = None
@@ -114,6 +118,8 @@ def write_endpoint(
     for name in sorted({CLIENTS, *(part.as_posix() for each in files for part in Path(each).parents)}):
         private_folder(folder / name)
     for name, (data, mode) in files.items():
+        if name == LAUNCHER:
+            _lay_bytecode(folder)
         make_way(folder / name)
         if problem := write_atomic(folder / name, data, mode):
             return [problem]
@@ -133,7 +139,25 @@ def write_endpoint(
     _remove_former(folder / PROGRAM, files)
     kept = keep(layout, ENDPOINT, {**{name: data for name, (data, _) in files.items()}, MANIFEST: _json(manifest)})
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
-    return [] if kept is None else [replace(kept, severity=Severity.WARNING)]
+    return [] if kept is None else [dataclasses.replace(kept, severity=Severity.WARNING)]
+
+
+def _lay_bytecode(folder: Path) -> None:
+    """Lay the bytecode of this octoform's own files beside their published copies, so that no start compiles them.
+
+    Bytecode names the time and the size of its source (importlib), so each copy gets the time of its original. Copies,
+    never links: what is changed in the endpoint's folder changes nothing of the installation. A start compiles what
+    cannot be laid here.
+    """
+    with suppress(OSError):
+        for name, source in program_paths().items():
+            SourceFileLoader(name, str(source)).get_code(name)  # which writes it where it is missing or outdated
+            cached, time = Path(cache_from_source(str(source))), source.stat().st_mtime_ns
+            place = Path(cache_from_source(str(folder / name)))
+            private_folder(place.parent)
+            make_way(place)
+            replace(place, read(cached), 0o600, synced=False)
+            os.utime(folder / name, ns=(time, time))
 
 
 def _remove_former(program: Path, names: Iterable[str]) -> None:

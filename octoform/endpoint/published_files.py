@@ -63,10 +63,15 @@ def files_below(folder: Path) -> dict[str, str]:
     return entries
 
 
-def program_files() -> dict[str, bytes]:
-    """Name below the endpoint's folder to bytes of the program around the server; OSError when it cannot be read."""
+def program_paths() -> dict[str, Path]:
+    """Name below the endpoint's folder to this octoform's own file, for each file of the program around the server."""
     paths = [_SOURCE / "__init__.py", *(path for folder in PACKAGES for path in sorted(folder.rglob("*.py")))]
-    return {f"{PROGRAM}/{path.relative_to(_SOURCE).as_posix()}": read(path) for path in paths}
+    return {f"{PROGRAM}/{path.relative_to(_SOURCE).as_posix()}": path for path in paths}
+
+
+def program_files() -> dict[str, bytes]:
+    """The same names to the bytes of these files; OSError when one cannot be read."""
+    return {name: read(path) for name, path in program_paths().items()}
 
 
 def program_digest() -> str:

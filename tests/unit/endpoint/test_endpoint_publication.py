@@ -101,6 +101,18 @@ def test_serving_leaves_no_bytecode_beside_the_committed_server(layout: Layout, 
     assert list(layout.committed.rglob("__pycache__")) == []
 
 
+def test_a_start_compiles_nothing_of_the_published_program(layout: Layout, serving: Environment) -> None:
+    publish(layout, serving)
+    program = layout.endpoint / "octoform"
+    laid = {path: path.stat().st_ino for path in program.rglob("*.pyc")}
+    assert len(laid) == len([*program.rglob("*.py")])
+    assert launched(layout).returncode == 0
+    assert {path: path.stat().st_ino for path in program.rglob("*.pyc")} == laid
+    edited = program / "server" / "main.py"
+    edited.write_text(edited.read_text() + "raise SystemExit(7)\n")
+    assert launched(layout).returncode == 7
+
+
 def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: Environment) -> None:
     publish(layout, serving)
     descriptor = json.loads((layout.endpoint / "connection.json").read_bytes())
@@ -146,8 +158,8 @@ def test_the_launcher_is_written_last_and_all_of_it_is_private(layout: Layout, s
     written = {path.name: path.stat() for path in layout.endpoint.rglob("*") if path.is_file()}
     launcher = written["launch"]
     others = [facts for name, facts in written.items() if name not in ("launch", "manifest.json")]
-    assert all(facts.st_mtime_ns <= launcher.st_mtime_ns for facts in others)
-    assert written["connection.json"].st_mtime_ns <= min(facts.st_mtime_ns for facts in others)
+    assert all(facts.st_ctime_ns <= launcher.st_ctime_ns for facts in others)
+    assert written["connection.json"].st_ctime_ns <= min(facts.st_ctime_ns for facts in others)
     assert launcher.st_mode & 0o777 == 0o700
     assert {facts.st_mode & 0o777 for facts in others} == {0o600}
     assert layout.endpoint.stat().st_mode & 0o777 == 0o700
@@ -170,5 +182,5 @@ def test_what_an_earlier_octoform_published_beside_it_goes(layout: Layout, servi
         path.write_text("FORMER = True\n")
     publish(layout, serving)
     assert [path for path in former if path.exists()] == []
-    assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "server"}
+    assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "server", "__pycache__"}
     assert (program / "server" / "gate" / "gate.py").is_file()
