@@ -253,7 +253,7 @@ def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
         kept = _keep(watch, folder.path, undone)
         try:
             _clear(folder.path)
-            now.rename(folder.path)
+            now.rename(folder.path)  # a folder, into a free place: no file is replaced
         except OSError as problem:
             found.append(_lost(watch, folder.path, f"{problem.strerror}: {now}"))
         else:
@@ -367,7 +367,7 @@ def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
     try:
         copy.parent.mkdir(parents=True, exist_ok=True)
         if there.kind == "other":
-            shutil.move(path, copy)
+            shutil.move(path, copy)  # a folder, perhaps from another file system
         else:
             files.replace(copy, there.data, 0o644, synced=False)
     except (OSError, RecursionError):

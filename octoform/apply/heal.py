@@ -26,8 +26,8 @@ from octoform.apply.stage.serve_proof import Judge as CheckJudge
 from octoform.apply.watch import ALL, Given, assignment, calls_of, judge_of, paid, told_log
 from octoform.base import digest
 from octoform.base.escaping import shown as shown_text
+from octoform.base.files import move, read_plain, record
 from octoform.base.files import parse as parse_json
-from octoform.base.files import read_plain, record
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
@@ -98,7 +98,7 @@ def read(layout: Layout, episode: str) -> Healed | None:
         found, whole = None, False
     if found is not None and whole and digest.of_bytes(found.source.encode()) == found.base:
         return found
-    path.replace(path.with_suffix(DAMAGED))
+    move(path, path.with_suffix(DAMAGED))
     return None
 
 

@@ -55,9 +55,9 @@ def replace(
 ) -> None:
     """Replace ``path`` by ``data`` as a whole; OSError when the system refuses, and the former file is intact.
 
-    A link at ``path`` is replaced, never followed. ``watch`` is told "written", "renamed" and
-    "synced" as each is done; a refusal after "renamed" leaves the new file in place, complete. Not ``synced``: whole
-    for every reader, but a power cut may lose it. ``exact``: ``mode`` whatever the umask, as a person gave it.
+    A link at ``path`` is replaced, never followed. ``watch`` is called with "written", "renamed" and "synced" as each
+    is done; a refusal after "renamed" leaves the new file in place, complete. Not ``synced``: whole for every reader,
+    but a power cut may lose it. ``exact``: ``mode`` whatever the umask, as a person gave it.
     """
     draft = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
     try:
@@ -76,16 +76,53 @@ def replace(
     watch("synced")
 
 
-def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True) -> None:
+def replace_in(folder: int, name: str, data: bytes, mode: int) -> None:
+    """Replace a file of an open folder as a whole, with exactly that mode, whatever the umask; OSError when refused.
+
+    The file is whole for every reader, but not synced. A link of that name is replaced, never followed.
+    """
+    draft = Path(f".{name}.{os.urandom(6).hex()}{TEMPORARY}")
+    try:
+        create(draft, data, mode, synced=False, dir_fd=folder)
+        os.chmod(draft, mode, dir_fd=folder)
+        os.replace(draft, name, src_dir_fd=folder, dst_dir_fd=folder)
+    except BaseException:
+        with contextlib.suppress(OSError):
+            os.unlink(draft, dir_fd=folder)
+        raise
+
+
+def publish(draft: Path, path: Path) -> None:
+    """Replace ``path`` by ``draft``, a complete and synced file in the same file system; OSError when refused.
+
+    A link at ``path`` is replaced, never followed. The caller syncs the folder, once for all files of a set.
+    """
+    draft.replace(path)
+
+
+def publish_new(draft: Path, path: Path) -> None:
+    """Give a complete file the name ``path`` as well; FileExistsError when that is taken, OSError without links."""
+    os.link(draft, path, follow_symlinks=False)
+
+
+def move(path: Path, target: Path) -> None:
+    """Rename a file within its file system, in place of a former one at ``target``; OSError when refused.
+
+    For a file that leaves its place (an archive, a damaged file); what comes into the place is written by `replace`.
+    """
+    path.replace(target)
+
+
+def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True, dir_fd: int | None = None) -> None:
     """Write a file that is not there yet; OSError when it is, or the disk takes only a part (which then goes)."""
-    descriptor = os.open(path, _NEW, mode)
+    descriptor = os.open(path, _NEW, mode, dir_fd=dir_fd)
     try:
         write_all(descriptor, data)
         if synced:
             os.fsync(descriptor)
     except BaseException:
         with contextlib.suppress(OSError):
-            path.unlink()
+            os.unlink(path, dir_fd=dir_fd)
         raise
     finally:
         os.close(descriptor)

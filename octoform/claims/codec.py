@@ -13,7 +13,7 @@ from dataclasses import field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse, record
+from octoform.base.files import move, parse, record
 from octoform.claims import readings as reading_json
 from octoform.claims.admission import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State, holds
@@ -61,7 +61,7 @@ def read(path: Path) -> Read:
     assert problem is not None
     aside = path.with_name(f"{path.name}.aside")
     with contextlib.suppress(OSError):  # what cannot be moved is replaced by the next write, or that says why not
-        path.replace(aside)
+        move(path, aside)
     return Read(Book(), said=(problem,))
 
 

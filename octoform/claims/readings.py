@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import parse, record, write_all
+from octoform.base.files import move, parse, record, write_all
 from octoform.claims.model import Channel, Condition, Reading, Signal, holds
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, warning
@@ -201,7 +201,7 @@ class Readings:
         """Set a file that is none of ours aside and go on without what it held."""
         aside = self._path.with_name(f"{self._path.name}.aside")
         with contextlib.suppress(OSError):  # what cannot be moved is replaced by the next write, or that says why not
-            self._path.replace(aside)
+            move(self._path, aside)
         self._seen = None
         return [self._damaged("the remembered readings cannot be read, so none of them is evidence any more")]
 

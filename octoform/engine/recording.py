@@ -68,7 +68,7 @@ def write(target: Path, files: Mapping[str, bytes]) -> Diagnostic | None:
             path.parent.mkdir(parents=True, exist_ok=True)
             replace(path, data, 0o644)
         if target.exists():
-            target.rename(former)
+            target.rename(former)  # whole folders change places: no file is replaced
         draft.rename(target)
         sync_folder(target.parent)
     except OSError as problem:

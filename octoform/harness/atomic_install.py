@@ -57,7 +57,7 @@ def filled(slot: Slot, say: Callable[[str], None]) -> Diagnostic | None:
             if problem is not None:
                 return problem
             _remove(home)
-            staging.rename(home)
+            staging.rename(home)  # a folder, into a free place: no file is replaced
         finally:
             _remove(staging)
         problem = slot.seal()

@@ -16,7 +16,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 from octoform.base.clock import epoch
 from octoform.base.digest import of_bytes
 from octoform.base.escaping import escaped
-from octoform.base.files import private_folder
+from octoform.base.files import move, private_folder
 from octoform.base.locks import held_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.client.jsonrpc import ending_of
@@ -329,7 +329,7 @@ def _kept(
 
 def _moved(old: Path, new: Path) -> None:
     try:
-        old.replace(new)
+        move(old, new)
     except FileNotFoundError:
         return  # it was removed by hand; the record's digest tells
 

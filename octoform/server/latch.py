@@ -114,7 +114,7 @@ class Latch:
         words = json.dumps(told).encode("ascii")
         try:
             files.create(temporary, words, synced=False)
-            os.link(temporary, self.path)
+            files.publish_new(temporary, self.path)
         except FileExistsError:
             return
         except OSError as problem:

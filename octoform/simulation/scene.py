@@ -15,6 +15,7 @@ from pathlib import Path
 from statistics import NormalDist
 
 from octoform.base.clock import Clock
+from octoform.base.files import publish
 from octoform.simulation.rail_firmware import LineDevice
 from octoform.simulation.servos import ServoBus
 
@@ -292,7 +293,7 @@ class Camera:
                 out.write(f"YUV4MPEG2 W{wide} H{high} F30:1 Ip A1:1 C420jpeg\n".encode())
                 for _ in range(self._frames):
                     out.writelines((b"FRAME\n", luma if dead else self._sensor.exposed(luma), blue, red))
-            new.replace(self._node)
+            publish(new, self._node)
             self.written += 1
 
     def _seen(self) -> Planes:

@@ -11,7 +11,7 @@ from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from octoform.base import digest
-from octoform.base.files import TEMPORARY, sync_folder
+from octoform.base.files import TEMPORARY, publish, sync_folder
 from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass
 from octoform.state.files import (
@@ -173,7 +173,7 @@ def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint:
         checkpoint("artifact.written")
         _make_room(layout.steps if stage.startswith(STEP) else folder, folder, files)
         for number, name in enumerate(files):
-            (draft / str(number)).replace(folder / name)
+            publish(draft / str(number), folder / name)
             checkpoint("artifact.renamed")
         _remove_others(folder, set(files))
         for place in {folder, folder.parent, layout.committed, *((folder / name).parent for name in files)}:

@@ -247,7 +247,7 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
         private_folder(target.parent)
         while os.path.lexists(target):
             target = target.with_name(f"{target.name}.again")
-        shutil.move(path, target)
+        shutil.move(path, target)  # a file or folder, perhaps from another file system, to a free name
     except (OSError, shutil.Error) as problem:
         return None, refused(problem if isinstance(problem, OSError) else OSError(None, str(problem)), target)
     _bound(layout)

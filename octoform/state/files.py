@@ -176,7 +176,7 @@ def hide_from_git(project: Path) -> Diagnostic | None:
         return None
     try:
         if path.is_dir() and not path.is_symlink():
-            path.rename(folder / f"{path.name}.{os.urandom(6).hex()}")
+            path.rename(folder / f"{path.name}.{os.urandom(6).hex()}")  # a folder, to a free name
     except OSError as problem:
         return refused(problem, path)
     return write_atomic(path, IGNORES_ALL)

@@ -1,8 +1,8 @@
-"""Files are read and written in one way: whatever stands in a file's place holds nobody up and ends nothing.
+"""Files are read, written, replaced and renamed by `base/files.py` alone.
 
-A pipe keeps a plain `open` waiting for ever, a full disk leaves half of what `write_text` wrote, and JSON of 900 levels
-ends `json.loads` with a RecursionError. `base/files.py` knows all three, so it is where files are opened and JSON is
-read.
+A pipe keeps a plain `open` waiting without end, a full disk leaves half of what `write_text` wrote, JSON of 900 levels
+ends `json.loads` with a RecursionError, and a rename of an unsynced draft loses both files in a power cut. The base
+handles each of them once.
 """
 
 import ast
@@ -20,6 +20,21 @@ ALONE = ("endpoint/scripts/", "simulation/")
 # The base itself, and the parser of outputs, which tells a writer line and column of what is wrong.
 READERS = {"base/files.py", "contracts/artifact_parser.py"}
 PLAIN = {"read_text", "read_bytes", "write_text", "write_bytes"}
+# Calls that give a file another name, or put it in the place of another one.
+RENAMES = {"os.replace", "os.rename", "os.renames", "os.link", "shutil.move"}
+RENAMING = {"rename", "hardlink_to", "link_to"}
+DRAFTS = {"NamedTemporaryFile", "mkstemp"}
+# What renames and replaces no file: whole folders, which no rename replaces unless they are empty, a move that may
+# cross file systems, and a further name for a file that keeps its own.
+FOLDERS = {
+    "apply/file_integrity.py": ["now.rename", "shutil.move"],
+    "endpoint/environment/build.py": ["os.link"],
+    "engine/recording.py": ["target.rename", "draft.rename", "former.rename"],
+    "engine/unattended/repairs.py": ["place.rename", "aside.rename"],
+    "harness/atomic_install.py": ["staging.rename"],
+    "state/artifact_cache.py": ["shutil.move"],
+    "state/files.py": ["path.rename"],
+}
 MODE = re.compile(r"'[rwxa]b?\+?'")
 # What keeps `os.open` from waiting for the other end of a pipe, or from taking what is there already.
 PROMPT = {"O_NONBLOCK", "O_DIRECTORY", "O_EXCL", "O_RDWR", "/proc/", "PROC /", "{proc}/", "devnull"}
@@ -73,6 +88,20 @@ def parses(tree: ast.AST) -> list[int]:
     return [call.lineno for call, owner, name in calls(tree) if owner == "json" and name in {"load", "loads"}]
 
 
+def is_rename(call: ast.Call, owner: str, name: str) -> bool:
+    """Whether a call renames a file; ``replace`` with one argument is that of a path, with more that of a string."""
+    alone = name == "replace" and bool(owner) and len(call.args) == 1 and not call.keywords
+    return f"{owner}.{name}" in RENAMES or name in RENAMING | DRAFTS or (alone and owner not in {"dataclasses", "copy"})
+
+
+def renames(tree: ast.AST) -> list[str]:
+    """The calls that may be a second way of replacing a file, by their line."""
+    found = sorted(
+        (call.lineno, f"{owner}.{name}") for call, owner, name in calls(tree) if is_rename(call, owner, name)
+    )
+    return [text for _, text in found]
+
+
 def is_program(path: Path) -> bool:
     """A program that is started by its file: no package is on its path, so that it imports nothing of octoform."""
     text = path.read_text()
@@ -91,6 +120,45 @@ def test_json_is_parsed_and_files_are_read_and_written_by_the_base() -> None:
         # The runtime is the one part that opens nodes: what it reads there is the device.
         found[relative(path)] = (parses(tree), [] if relative(path).startswith("runtime/") else waits(tree))
     assert {name: both for name, both in found.items() if both != ([], [])} == {}
+
+
+def test_files_are_replaced_and_renamed_by_the_base_alone() -> None:
+    # The runtime and the programs beside a server replace nothing: they are read too.
+    found = {relative(path): renames(ast.parse(path.read_text())) for path in FILES}
+    base = found.pop("base/files.py")
+    assert base
+    assert {name: lines for name, lines in found.items() if lines} == FOLDERS
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "os.replace(draft, path)",
+        "os.rename(a, b, src_dir_fd=f, dst_dir_fd=f)",
+        "os.link(draft, path)",
+        "draft.replace(path)",
+        "(draft / '1').replace(folder / name)",
+        "path.rename(kept)",
+        "tempfile.NamedTemporaryFile(dir=folder)",
+        "shutil.move(path, copy)",
+    ],
+)
+def test_the_rule_sees_a_second_way_of_replacing(line: str) -> None:
+    assert renames(ast.parse(line))
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "text.replace('a', 'b')",
+        "moment.replace(microsecond=0)",
+        "replace(path, data)",
+        "dataclasses.replace(found, path=path)",
+        "files.replace(path, data, 0o644)",
+    ],
+)
+def test_the_rule_lets_pass_what_replaces_no_file_by_itself(line: str) -> None:
+    assert not renames(ast.parse(line))
 
 
 @pytest.mark.parametrize(

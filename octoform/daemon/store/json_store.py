@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from octoform.base.files import OtherFormatError, parse, private_folder, record
+from octoform.base.files import OtherFormatError, move, parse, private_folder, record
 from octoform.diagnostics import Diagnostic, warning
 from octoform.state.files import read_regular, shown, write_atomic
 from octoform.state.layout import Layout
@@ -85,7 +85,7 @@ class Shelf:
         """Move what is no file of ours out of the way, and say it; the one that was set aside before is gone then."""
         kept = path.with_name(f"{path.name}.damaged")
         try:
-            path.rename(kept)
+            move(path, kept)
             detail = f"it was moved to {kept.name}"
         except OSError as problem:
             detail = f"it cannot be moved away: {problem.strerror}"

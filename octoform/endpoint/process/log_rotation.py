@@ -11,7 +11,7 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from octoform.base.files import TEMPORARY, read, replace, stream, stream_to
+from octoform.base.files import TEMPORARY, move, publish, read, replace, stream, stream_to
 from octoform.state.layout import Layout
 
 ARCHIVES = 5
@@ -33,7 +33,7 @@ def set_aside(path: Path, *, held_open: bool) -> int:
     if held_open:
         _copy_and_cut(path, _archive(path, 1))
     else:
-        path.rename(_archive(path, 1))
+        move(path, _archive(path, 1))
     _compress(path)
     return size
 
@@ -59,7 +59,7 @@ def make_way(path: Path) -> None:
             if number == ARCHIVES:
                 drop(archive)
             else:
-                archive.rename(_archive(path, number + 1, packed=archive.suffix == ".gz"))
+                move(archive, _archive(path, number + 1, packed=archive.suffix == ".gz"))
 
 
 def _archive(path: Path, number: int, *, packed: bool = False) -> Path:
@@ -74,7 +74,7 @@ def _copy_and_cut(path: Path, target: Path) -> None:
             shutil.copyfileobj(source, copy, _CHUNK)
             copy.flush()
             os.fsync(copy.fileno())
-            draft.replace(target)
+            publish(draft, target)
             shutil.copyfileobj(source, copy, _CHUNK)  # what came during the sync
             copy.flush()
             os.truncate(path, 0)
@@ -97,7 +97,7 @@ def _compress(path: Path) -> None:
                     shutil.copyfileobj(source, target, _CHUNK)
                 file.flush()
                 os.fsync(file.fileno())
-            draft.replace(packed)
+            publish(draft, packed)
             plain.unlink()
         finally:
             draft.unlink(missing_ok=True)

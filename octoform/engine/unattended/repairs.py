@@ -298,7 +298,7 @@ def _anew(layout: Layout, lock: str) -> tuple[Environment | None, tuple[Diagnost
     else:
         shutil.rmtree(aside, ignore_errors=True)
         if place.exists():
-            place.rename(aside)
+            place.rename(aside)  # a folder, into a free place: no file is replaced
     built, problems = build(layout, lock, BUILD_SECONDS, anew=True)
     if built is None and aside.exists():
         shutil.rmtree(place, ignore_errors=True)

@@ -6,7 +6,6 @@ an answer to the model, which then does better or ends by the bound on such call
 
 import json
 import os
-import secrets
 import selectors
 import shutil
 import signal
@@ -20,7 +19,7 @@ from pathlib import Path, PurePosixPath
 from typing import Any
 
 from octoform.base.escaping import escaped
-from octoform.base.files import parse
+from octoform.base.files import parse, replace_in
 from octoform.base.processes import signal_group
 from octoform.harness.llm.client import Call
 from octoform.harness.react.chat_history import ARGUMENT_BYTES, KEPT, HeadAndTail, parsed
@@ -195,7 +194,7 @@ def write_file(workdir: Path, path: str, content: str) -> Said:
     data = content.encode("utf-8", "replace")
     try:
         with _parent(workdir, path, make=True) as (folder, name):
-            _replace(folder, name, data, _mode(folder, name))
+            replace_in(folder, name, data, _mode(folder, name))
     except FileToolRefused as problem:
         return Said(str(problem), failed=True)
     except (OSError, ValueError) as problem:
@@ -212,7 +211,7 @@ def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
             text = _text(folder, name, path)
             for number, edit in enumerate(edits, 1):
                 text = _edited(text, edit["old"], edit["new"], f"edit {number} of {len(edits)}")
-            _replace(folder, name, text.encode("utf-8"), _mode(folder, name))
+            replace_in(folder, name, text.encode("utf-8"), _mode(folder, name))
     except FileToolRefused as problem:
         return Said(f"{problem}; nothing was changed", failed=True)
     except (OSError, ValueError) as problem:
@@ -254,20 +253,6 @@ def _mode(folder: int, name: str) -> int:
     if not stat.S_ISREG(facts.st_mode):
         raise FileToolRefused(f"{name} is there and is no plain file")
     return stat.S_IMODE(facts.st_mode)
-
-
-def _replace(folder: int, name: str, data: bytes, mode: int) -> None:
-    temporary = f".{secrets.token_hex(8)}.part"
-    flags = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
-    descriptor = os.open(temporary, flags, 0o600, dir_fd=folder)
-    try:
-        with os.fdopen(descriptor, "wb") as stream:
-            stream.write(data)
-            os.fchmod(stream.fileno(), mode)
-        os.rename(temporary, name, src_dir_fd=folder, dst_dir_fd=folder)
-    except BaseException:
-        os.unlink(temporary, dir_fd=folder)
-        raise
 
 
 @contextmanager

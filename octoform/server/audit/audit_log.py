@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import clock, locks
-from octoform.base.files import make_way, private_folder
+from octoform.base.files import make_way, move, private_folder
 
 from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
@@ -276,7 +276,7 @@ class Audit:
         self._append([("audit_rotated", {"file": aside.name})])
         self._stamp()  # before the new file can be seen: whoever opens only that one goes on from the seal
         os.fsync(self._file)
-        self._path.rename(aside)
+        move(self._path, aside)
         self._reopen()
         self._go_on()
 

@@ -11,7 +11,7 @@ from enum import StrEnum
 from pathlib import Path
 
 from octoform.base import digest
-from octoform.base.files import parse, sync_folder, write_all
+from octoform.base.files import move, parse, sync_folder, write_all
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
 from octoform.state.files import (
@@ -199,7 +199,7 @@ class Journal:
             if target is None:
                 self._path.unlink()
             else:
-                self._path.replace(target)
+                move(self._path, target)
             self._length = self._count = 0
             sync_folder(self._path.parent)
         except OSError as problem:

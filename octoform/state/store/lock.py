@@ -19,7 +19,7 @@ from types import TracebackType
 
 from octoform.base import digest, locks
 from octoform.base.clock import boot_id, stamp
-from octoform.base.files import parse, read, sync_folder, write_all
+from octoform.base.files import parse, publish, publish_new, read, sync_folder, write_all
 from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, start_of
 from octoform.diagnostics import Diagnostic, error
@@ -298,11 +298,11 @@ def _create(layout: Layout, operation: str, proc: Path) -> Lock:
 def _name(draft: Path, path: Path) -> None:
     """Give the draft its name only if that is free; where the file system has no links the guard alone sees to that."""
     try:
-        os.link(draft, path, follow_symlinks=False)
+        publish_new(draft, path)
     except OSError as problem:
         if problem.errno not in (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS):
             raise
-        draft.replace(path)
+        publish(draft, path)
 
 
 @contextlib.contextmanager
