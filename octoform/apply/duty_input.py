@@ -68,8 +68,8 @@ def claims_of(brief: Mapping[str, Any]) -> list[Row]:
 
 def summary_of(brief: Mapping[str, Any]) -> str | None:
     """The words of the last report."""
-    told = brief.get("summary")
-    return escaped(told, "\n")[:SUMMARY_CHARACTERS] if isinstance(told, str) and told.strip() else None
+    found = brief.get("summary")
+    return escaped(found, "\n")[:SUMMARY_CHARACTERS] if isinstance(found, str) and found.strip() else None
 
 
 def since_of(brief: Mapping[str, Any]) -> float:
@@ -234,8 +234,8 @@ def is_trouble(line: Line) -> bool:
 def _condensed(head: str, others: Sequence[str], completion: Completion) -> LogSlice:
     """The errors as they stand, a summary of all else, and the newest lines as far as there is room."""
     raw = "\n".join(others).encode()[-RAW_BYTES:]
-    told = raw[-TOLD_BYTES:].decode("utf-8", "ignore")
-    answer = completion.complete(fenced("log", told), _INSTRUCTION)
+    text = raw[-TOLD_BYTES:].decode("utf-8", "ignore")
+    answer = completion.complete(fenced("log", text), _INSTRUCTION)
     if isinstance(answer, Diagnostic):
         newest, older = _fitting(others, LOG_BYTES - len(head.encode()) - 200)
         return LogSlice(_bounded(head + _headed("newest lines", newest, older)), reason=answer.summary)

@@ -58,7 +58,7 @@ class DutyOutcome:
 def refusal(found: Iterable[Diagnostic], finished: Finished | None = None) -> DutyOutcome:
     """Why there is no accepted output."""
     errors = [item for item in found if item.severity is Severity.ERROR]
-    said = "; ".join(f"{item.code}: {item.summary}" for item in errors[:3]) or "nothing was accepted"
+    text = "; ".join(f"{item.code}: {item.summary}" for item in errors[:3]) or "nothing was accepted"
     again = not any(item.code in HOPELESS or item.code.startswith("HARNESS-") for item in errors)
     calls, usage = (finished.attempts, finished.usage) if finished is not None else (0, Usage())
-    return DutyOutcome(ok=False, detail=said, again=again, calls=calls, usage=usage)
+    return DutyOutcome(ok=False, detail=text, again=again, calls=calls, usage=usage)

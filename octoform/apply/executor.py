@@ -46,9 +46,9 @@ def renamed(context: Context, stage: str, value: Any) -> str:
     if not isinstance(before, Mapping) or not has_shape(STAGE, before, context.schemas):
         return ""
     found = [item for item in changes(_tools(before), _tools(value)) if item.action is Action.UPDATE]
-    told = [f", {item.name} was {item.text.removeprefix('renamed from ')}" for item in found]
-    more = f" and {len(told) - MOST} more renamed" if len(told) > MOST else ""
-    return "".join(told[:MOST]) + more
+    lines = [f", {item.name} was {item.text.removeprefix('renamed from ')}" for item in found]
+    more = f" and {len(lines) - MOST} more renamed" if len(lines) > MOST else ""
+    return "".join(lines[:MOST]) + more
 
 
 def _tools(interface: Mapping[str, Any]) -> Iterable[Tool]:
@@ -214,9 +214,9 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     """Accept or refuse; the diagnostics with errors are why the node failed."""
     verdict = finished.verdict
     before = context.store.snapshot.nodes.get(node.name)
-    found, told = list(verdict.diagnostics), verdict.found
+    found, result = list(verdict.diagnostics), verdict.found
     if verdict.accepted:
-        told += renamed(context, node.name, verdict.value)
+        result += renamed(context, node.name, verdict.value)
         found = _adopted(context, node, verdict)
         found += _accept(context, node, verdict) if not has_errors(found) else []
         if not has_errors(found):
@@ -227,7 +227,7 @@ def _end(context: Context, node: Node, finished: Finished) -> list[Diagnostic]:
     changed = before is None or before.output_digest != verdict.digest
     used = finished.usage
     spent = (used.input_tokens, used.output_tokens, used.cost_usd)
-    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, told, changed, *spent))
+    context.emit(events.NodeAccepted(node.name, finished.attempts, finished.seconds, result, changed, *spent))
     return found
 
 

@@ -337,8 +337,8 @@ def _bounded(found: list[Diagnostic]) -> list[Diagnostic]:
     if not more:
         return found
     summary = f"{len(more)} more files that are not the agent's own were changed while it ran; the changes were undone"
-    told = error("APPLY-OUTSIDE-WRITE", summary, detail=listed([item.path or "" for item in more]))
-    return [*(item for item in found if item not in more), told]
+    result = error("APPLY-OUTSIDE-WRITE", summary, detail=listed([item.path or "" for item in more]))
+    return [*(item for item in found if item not in more), result]
 
 
 def _is_spared(watch: Watch, path: Path) -> bool:

@@ -90,9 +90,9 @@ def read(layout: Layout, episode: str) -> Healed | None:
     if data is None:
         return None
     try:
-        told = record(parse_json(data), 1)
+        fields = record(parse_json(data), 1)
         names = ("episode", "at", "tool", "base", "digest", "source")
-        found = Healed(*(str(told[name]) for name in names))
+        found = Healed(*(str(fields[name]) for name in names))
         whole = found.episode == episode
     except (ValueError, LookupError, TypeError):
         found, whole = None, False
@@ -139,8 +139,8 @@ def _failed(call: TrialCall) -> bool:
 
 
 def _problem(code: str, summary: str, call: TrialCall) -> Diagnostic:
-    said = f"{call.error_class}: {call.message}" if call.message else call.error_class
-    return error(code, f"with the rewritten server {summary}", detail=said, hint=HINT)
+    text = f"{call.error_class}: {call.message}" if call.message else call.error_class
+    return error(code, f"with the rewritten server {summary}", detail=text, hint=HINT)
 
 
 HEAL = "heal"
@@ -257,8 +257,8 @@ def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> Du
         return refusal([problem], finished)
     waits = pending_rewrite.waits(rewrite)
     context.emit(events.Notice(HEAL, f"{waits.summary}: {waits.hint}"))
-    told = refusal([waits], finished)
-    return replace(told, detail=f"{told.detail}; {waits.hint}", again=False)
+    found = refusal([waits], finished)
+    return replace(found, detail=f"{found.detail}; {waits.hint}", again=False)
 
 
 def _stopped(context: Context) -> list[Diagnostic]:
@@ -271,8 +271,8 @@ def _stopped(context: Context) -> list[Diagnostic]:
 
 def _case(context: Context, brief: Mapping[str, Any]) -> Case:
     known = artifacts(context, ALL, None)
-    told = brief.get("error")
-    cause: Mapping[str, Any] = told if isinstance(told, Mapping) else {}
+    found = brief.get("error")
+    cause: Mapping[str, Any] = found if isinstance(found, Mapping) else {}
     device = str(cause.get("device") or "").partition("/")[0] or None
     tool = str(cause["tool"]) if cause.get("tool") else None
     reach = reach_of(str(known.serve), known.interface or {"tools": []}, tool, device)

@@ -154,16 +154,16 @@ def _rewritten(
 
 def _accepted(context: Context, step: Step, proposal: Proposal, tried: list[Tried], found: list[Diagnostic]) -> Verdict:
     value = proposal.value
-    said = counted(len(value["trials"]), "unit") + " moved" if value["trials"] else f"camera {tried[0].unit}"
-    said += f", {len(value['skipped'])} skipped" if value["skipped"] else ""
-    said += ", with a rewritten server" if proposal.server is not None else ""
+    text = counted(len(value["trials"]), "unit") + " moved" if value["trials"] else f"camera {tried[0].unit}"
+    text += f", {len(value['skipped'])} skipped" if value["skipped"] else ""
+    text += ", with a rewritten server" if proposal.server is not None else ""
     trials = [{name: part for name, part in one.told().items() if name != "readings"} for one in tried]
     return Verdict(
         diagnostics=tuple(found),
         value=value,
         digest=digest_of(context, step.node, value),
         files={"output.json": text_of(value)},
-        found=said,
+        found=text,
         detail={"device": value["device"] or tried[0].unit, "trials": trials, "skipped_units": value["skipped"]},
         rewritten=proposal.server,
     )

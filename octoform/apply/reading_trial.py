@@ -263,8 +263,8 @@ class _ByReading(Mover):
         if answer.refused or not self._is_still(before, after):
             super()._not_done(answer)
         else:
-            said = f"{self.tried.tool} answered: {answer.words}"
-            self._stuck(before, after, said, "read the tool's answer; if it does not give the reason, ")
+            text = f"{self.tried.tool} answered: {answer.words}"
+            self._stuck(before, after, text, "read the tool's answer; if it does not give the reason, ")
 
     def _is_still(self, before: float | None, after: float | None) -> bool:
         return before is not None and after is not None and abs(after - before) < self.bench.proof.minimum

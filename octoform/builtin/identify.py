@@ -141,13 +141,13 @@ def is_borne_out(named: Identity, cited: Iterable[Evidence]) -> bool:
     evidence = (*named.evidence, *cited)
     quoted = {word for each in evidence for word in product_names.words(each.quote)}
     quoted |= {word for each in evidence for word in re.findall(r"[^\W_]+", each.quote.casefold())}
-    said = {word for each in evidence for word in product_names.words(each.says)}
+    names = {word for each in evidence for word in product_names.words(each.says)}
     if named.method == "id_database":
-        quoted |= said
+        quoted |= names
     missing = [
         word for word in re.findall(r"[^\W_]+", product_names.spread(named.name)) if not _is_class(word.casefold())
     ]
-    return all(word.casefold() in quoted or (word.islower() and word.isalpha() and word in said) for word in missing)
+    return all(word.casefold() in quoted or (word.islower() and word.isalpha() and word in names) for word in missing)
 
 
 def _is_class(word: str) -> bool:
@@ -298,8 +298,8 @@ def _confidence(device: Device, named: Identity, claims: list[Claim]) -> float:
 
 def _with_drivers(device: Device, named: Identity) -> Identity:
     """The name of a USB product with those of its parts in brackets that the kernel calls after their driver."""
-    told = {fact.text.strip('"'): fact for fact in device.of("input", "name") if device.bus == "usb"}
-    parts = [told[driver] for driver in sorted(device.drivers) if driver in told and driver not in named.name]
+    fields = {fact.text.strip('"'): fact for fact in device.of("input", "name") if device.bus == "usb"}
+    parts = [fields[driver] for driver in sorted(device.drivers) if driver in fields and driver not in named.name]
     name = f"{named.name} ({', '.join(fact.text for fact in parts)})"
     if not parts or len(name) > MAX_NAME:
         return named
@@ -316,13 +316,13 @@ def _composed(device: Device, claims: list[Claim], named: Identity) -> tuple[Ide
     if device.bus not in _BOARD or first.category in (UNKNOWN, INFRASTRUCTURE) or named.method != "kernel_class":
         return named, first.category
     others = [claim for claim in claims[1:] if claim.capabilities and claim.kind != first.kind]
-    names, said = [named.name], set(product_names.words(named.name))
+    names, found = [named.name], set(product_names.words(named.name))
     evidence, confidence = list(named.evidence[:1]), named.confidence
     for claim in others:
         other = identity(device, claim)
-        if not said.issuperset(product_names.words(other.name)) and len(", ".join([*names, other.name])) <= MAX_NAME:
+        if not found.issuperset(product_names.words(other.name)) and len(", ".join([*names, other.name])) <= MAX_NAME:
             names.append(other.name)
-            said.update(product_names.words(other.name))
+            found.update(product_names.words(other.name))
             evidence += other.evidence[:1]
             confidence = min(confidence, other.confidence)
     acts = {claim.category for claim in (first, *others)} - {INFRASTRUCTURE, UNKNOWN}

@@ -139,13 +139,13 @@ def told(device: Device, judged: dict[str, Any] | Leave, sentence: str) -> dict[
     if not sentence or leave_first(device) is not None:
         return judged
     known = {} if isinstance(judged, Leave) else judged
-    said = {**known, "id": device.id, "evidence": _answer_evidence(device, known, sentence)}
+    fields = {**known, "id": device.id, "evidence": _answer_evidence(device, known, sentence)}
     if known and known["category"] != UNKNOWN:
-        return said if known["confidence"] > CLASS_ONLY else said | _name(device, sentence)
+        return fields if known["confidence"] > CLASS_ONLY else fields | _name(device, sentence)
     kind, category = _kind(sentence, str(known.get("class", "device")))
     capabilities = list(known.get("capabilities", ()))
-    said |= {**_name(device, sentence), "class": kind, "category": category, "capabilities": capabilities}
-    return {name: value for name, value in said.items() if name != "missing"}
+    fields |= {**_name(device, sentence), "class": kind, "category": category, "capabilities": capabilities}
+    return {name: value for name, value in fields.items() if name != "missing"}
 
 
 def _name(device: Device, sentence: str) -> dict[str, Any]:

@@ -56,24 +56,26 @@ def of_units(bank: Mapping[str, Any], command: Mapping[str, Any]) -> Schema:
 def of_motion(bank: Mapping[str, Any], command: Mapping[str, Any]) -> str:
     """What a caller has to know of a tool beside its own words, as sentences that begin with a blank."""
     unit, off = str(bank["unit"]), bank["disabled"]
-    told = [f"Disabled: {', '.join(off)}."] if off and command["do"] != "stop" else []
+    lines = [f"Disabled: {', '.join(off)}."] if off and command["do"] != "stop" else []
     if command["do"].startswith("read"):
         units = [
             f"{name} in {bank['fields'][name]['unit']}"
             for name in command["fields"]
             if bank["fields"][name].get("unit")
         ]
-        told.insert(
+        lines.insert(
             0, f"Returns {', '.join(units)}; calibrated in percent of the range, null where unknown." if units else ""
         )
     if command["do"] in _ACTS:
         timeout = bank["motion"]["timeout"]
-        told.insert(0, f"Returns when it has stopped, after {timeout:g} s at most; one that does not move is an error.")
+        lines.insert(
+            0, f"Returns when it has stopped, after {timeout:g} s at most; one that does not move is an error."
+        )
     if command.get("scale") == "calibrated":
-        told.insert(0, f"The scale of each {unit}, a gripper too: -100 and 100 are the ends of its calibrated range.")
+        lines.insert(0, f"The scale of each {unit}, a gripper too: -100 and 100 are the ends of its calibrated range.")
     if command.get("release"):
-        told.append(f"Each {unit} that came there is made limp.")
-    return "".join(f" {sentence}" for sentence in told if sentence)
+        lines.append(f"Each {unit} that came there is made limp.")
+    return "".join(f" {sentence}" for sentence in lines if sentence)
 
 
 def _members(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Schema]:
@@ -126,15 +128,15 @@ def acted_on(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str
 def _of_bank(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
     do, ids = command["do"], bank["units"]
     acted = bank["poses"][command["pose"]] if do == "pose" else ids
-    told: dict[str, Any] = {"names": {name: [str(ids[name])] for name in acted}}
+    fields: dict[str, Any] = {"names": {name: [str(ids[name])] for name in acted}}
     if do in _NAMED:
-        told["parameter"] = str(bank["unit"])
+        fields["parameter"] = str(bank["unit"])
     if do == "move_units":
-        told["parameters"] = {name: name for name in command["parameters"] if name in ids}
+        fields["parameters"] = {name: name for name in command["parameters"] if name in ids}
     if do in _MOVES:
-        told["goal"] = _goal(bank, command)
-        told["reports"] = _reports(bank, command)
-    return told
+        fields["goal"] = _goal(bank, command)
+        fields["reports"] = _reports(bank, command)
+    return fields
 
 
 def _reports(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
@@ -211,12 +213,12 @@ def _description(profile: Mapping[str, Any], command: Mapping[str, Any]) -> str:
         more = of_motion(bank, command)
         return f"{sentence}{more} By the registers of the profile {profile['name']}."
     units = [f"{name} in {value['unit']}" for name, value in (command.get("fields") or {}).items() if value.get("unit")]
-    told = f" Returns {', '.join(units)}." if units else ""
+    text = f" Returns {', '.join(units)}." if units else ""
     if is_unanswered(profile["grammar"], command):
-        told += " The device acknowledges nothing: that it was sent is all that is known."
+        text += " The device acknowledges nothing: that it was sent is all that is known."
     if not command.get("send", "do" in command):
-        told += f" Waits up to {profile['grammar']['line']['timeout']:g} s for the device to send it by itself."
-    return f"{sentence}{told} By the line protocol of the profile {profile['name']}."
+        text += f" Waits up to {profile['grammar']['line']['timeout']:g} s for the device to send it by itself."
+    return f"{sentence}{text} By the line protocol of the profile {profile['name']}."
 
 
 def _schema(name: str, value: Mapping[str, Any]) -> Schema:

@@ -143,8 +143,8 @@ class _Host:
             return ()
         event = self._reader.text(f"{folder}/uevent").splitlines()
         keys = key_of(subsystem, folder.rpartition("/")[2], dict(line.split("=", 1) for line in event if "=" in line))
-        said = self._udev.properties(self._reader, *keys)
-        return [f"{key} {value}" for key, value in said.items() if key not in (SERIAL, JOINED)]
+        found = self._udev.properties(self._reader, *keys)
+        return [f"{key} {value}" for key, value in found.items() if key not in (SERIAL, JOINED)]
 
     def count(self, device: Mapping[str, Any]) -> int:
         """How many there are at most of what an entry for many of a kind stands for."""
@@ -248,10 +248,10 @@ def _words(text: str) -> list[str]:
 
 def _without(words: Iterable[str], text: str) -> set[str]:
     """The words that stand neither in a string nor, for a number, in another spelling of it."""
-    said = {*_WORD.findall(text.casefold()), *_VERSION.findall(text.casefold())} | _STRUCTURE
-    numbers = {number for word in said for number in _numbers(word)}
-    said |= {word.removesuffix("s") for word in said} | {f"{word}s" for word in _STRUCTURE}
-    return {word for word in words if word not in said and not numbers & _numbers(word)}
+    names = {*_WORD.findall(text.casefold()), *_VERSION.findall(text.casefold())} | _STRUCTURE
+    numbers = {number for word in names for number in _numbers(word)}
+    names |= {word.removesuffix("s") for word in names} | {f"{word}s" for word in _STRUCTURE}
+    return {word for word in words if word not in names and not numbers & _numbers(word)}
 
 
 def _numbers(word: str) -> set[int]:

@@ -137,8 +137,8 @@ def _answers(document: Mapping[str, Any]) -> Mapping[str, str]:
 
 def _refused(document: Mapping[str, Any], former: Path) -> tuple[Mapping[str, Any], ...]:
     """The devices of the former output to which an error points; none in a first attempt."""
-    told = [item for item in document.get("diagnostics") or () if isinstance(item, dict)]
-    errors = [str(item.get("pointer")) for item in told if item.get("severity") == "error"]
+    lines = [item for item in document.get("diagnostics") or () if isinstance(item, dict)]
+    errors = [str(item.get("pointer")) for item in lines if item.get("severity") == "error"]
     places = {int(found[1]) for pointer in errors if (found := _OF_DEVICE.fullmatch(pointer))}
     if not places or not former.is_file():
         return ()

@@ -244,22 +244,22 @@ def _status(given: Given, errors: Sequence[Error]) -> str:
 def _summary(given: Given, status: str, errors: Sequence[Error]) -> str:
     if errors:
         about = dict.fromkeys(str(item["tool"] or item["device"] or "the server") for item in errors)
-        told = f"{_count(len(errors), 'error')}, about {', '.join(about)}."
+        text = f"{_count(len(errors), 'error')}, about {', '.join(about)}."
     elif not given.newest:
-        told = "There is no reading, so nothing is known."
+        text = "There is no reading, so nothing is known."
     elif status == "healthy":
-        told = f"All {len(given.newest)} signals report, and no call fails."
+        text = f"All {len(given.newest)} signals report, and no call fails."
     else:
-        told = "No call fails; what is below does not report, or is restricted by a claim."
+        text = "No call fails; what is below does not report, or is restricted by a claim."
     silent = [" ".join(place) for place in given.unreadable()]
     if silent:
-        told += f" Not readable: {', '.join(silent[:5])}" + (
+        text += f" Not readable: {', '.join(silent[:5])}" + (
             f" and {len(silent) - 5} more." if len(silent) > 5 else "."
         )
     over = len(given.failures) - len(given.lasting())
     if over:
-        told += f" Over, for the tool has worked since: {_count(over, 'failure')}."
-    return told[:SUMMARY_CHARACTERS]
+        text += f" Over, for the tool has worked since: {_count(over, 'failure')}."
+    return text[:SUMMARY_CHARACTERS]
 
 
 def _count(number: int, what: str) -> str:

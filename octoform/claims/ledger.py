@@ -106,8 +106,8 @@ class Ledger:
 
     def told(self) -> tuple[Diagnostic, ...]:
         """What was wrong with the ledger's files since this was asked last."""
-        said, self.said = tuple(dict.fromkeys(self.said)), []
-        return said
+        found, self.said = tuple(dict.fromkeys(self.said)), []
+        return found
 
     def use(self, settings: Settings) -> None:
         """Go on with other settings: the manifest or the tools changed. Claims in force are held to them at once."""

@@ -119,12 +119,12 @@ class Readings:
         fresh = [each for each in readings if each.id not in self._kept]
         for each in fresh:
             self._put(each)
-        said = self._append(fresh)
+        found = self._append(fresh)
         if self._seen is not None and self._seen[1] > COMPACT_BYTES:
-            said.extend(self._compact(cited))
+            found.extend(self._compact(cited))
         if len(self._kept) > 2 * sum(1 for _ in self._alive()) + 64:
             self._forget(cited)
-        return said
+        return found
 
     def _put(self, reading: Reading) -> None:
         series = self._series.pop(reading.signal, None) or _Series()
@@ -159,11 +159,11 @@ class Readings:
             elif reading.id not in self._kept:
                 self._put(reading)
         # What comes next must not stand on the line of one that was cut off.
-        said = [] if data.endswith(b"\n") else self._start(self._kept.values())
+        items = [] if data.endswith(b"\n") else self._start(self._kept.values())
         if not damaged:
-            return said
+            return items
         text = f"{damaged} of {len(lines) - 1} remembered readings cannot be read and are skipped"
-        return [*said, self._damaged(text)]
+        return [*items, self._damaged(text)]
 
     def _append(self, readings: Iterable[Reading]) -> list[Diagnostic]:
         text = "".join(json.dumps(to_json(each), separators=(",", ":")) + "\n" for each in readings)
@@ -212,7 +212,7 @@ class Readings:
 def to_json(reading: Reading) -> dict[str, Any]:
     """A reading as JSON, as it is remembered and as an agent is shown it."""
     signal = reading.signal
-    told = {
+    fields = {
         "id": reading.id,
         "at": reading.at,
         "uptime": math.floor(reading.uptime * 1000) / 1000,  # never later than it was
@@ -221,7 +221,7 @@ def to_json(reading: Reading) -> dict[str, Any]:
         "path": signal.path,
         "value": reading.value,
     }
-    return {**told, "why": reading.why} if reading.why else told
+    return {**fields, "why": reading.why} if reading.why else fields
 
 
 def of_json(document: Mapping[str, Any] | None) -> Reading | None:

@@ -199,8 +199,8 @@ def bounds_told(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> lis
         devices = _devices(layout, name)
         tools = sorted(tool for tool, facts in promised(layout).items() if devices & set(facts.get("devices") or ()))
         if tools:
-            told = {"name": each.field, "trouble_above": each.refuse_at, "settled_below": each.resume_below}
-            found.append({**told, "sources": tools, "source": f"the profile {name}"})
+            fields = {"name": each.field, "trouble_above": each.refuse_at, "settled_below": each.resume_below}
+            found.append({**fields, "sources": tools, "source": f"the profile {name}"})
     return found
 
 

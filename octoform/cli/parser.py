@@ -59,12 +59,12 @@ class Parser(argparse.ArgumentParser):
         name = word.lstrip("-").partition("=")[0]
         near = did_you_mean(name, sorted({known.lstrip("-") for known in self._option_string_actions}))
         kind = "option" if word.startswith("-") else "word"
-        said = f"did you mean -{near}?" if near and kind == "option" else f"{self.prog} --help lists what there is"
+        text = f"did you mean -{near}?" if near and kind == "option" else f"{self.prog} --help lists what there is"
         if kind == "word" and "=" in word and "-arg" in self._option_string_actions:
-            said = f"an argument of a tool is written -arg {word}"
+            text = f"an argument of a tool is written -arg {word}"
         elif kind == "option" and name in ("v", "verbose") and self.more:
-            said = f"{self.more} shows more"
-        raise UsageError(f"{self.prog} knows no {kind} {word!r}; {said}", self.format_usage())
+            text = f"{self.more} shows more"
+        raise UsageError(f"{self.prog} knows no {kind} {word!r}; {text}", self.format_usage())
 
     def _get_option_tuples(self, _: str) -> list[tuple[argparse.Action, str, str | None]]:
         """No abbreviations: argparse would take `-auto` for `-auto-approve`, whatever ``allow_abbrev`` states."""

@@ -135,8 +135,8 @@ def _host_name(probe: JsonObject) -> list[str]:
 def _is_said_of_devices(word: str, probe: JsonObject) -> bool:
     """True when an attached device is called so, or states the word of itself: a short one is most likely that word."""
     attached = (device for device in probe["devices"] if device.get("context") is not True)
-    said = (str(device.get(member, "")) for device in attached for member in ("name", "raw_descriptor"))
-    return any(re.search(spelt(word), text, re.IGNORECASE) for text in said)
+    lines = (str(device.get(member, "")) for device in attached for member in ("name", "raw_descriptor"))
+    return any(re.search(spelt(word), text, re.IGNORECASE) for text in lines)
 
 
 def _names_a_kind(word: str, probe: JsonObject) -> bool:
@@ -285,8 +285,8 @@ def judged(probe: JsonObject) -> JsonObject:
         instance = _instance(device)
         own, others = str(instance.get("serial") or ""), list(numbers[_kind(device, known)])
         others.remove(own)
-        said = [device["name"], f"{device.get('vid', '')}{device.get('pid', '')}"]
-        if instance.get("strength") == "strong" and own and not serials.tells_apart(own, filter(None, others), said):
+        lines = [device["name"], f"{device.get('vid', '')}{device.get('pid', '')}"]
+        if instance.get("strength") == "strong" and own and not serials.tells_apart(own, filter(None, others), lines):
             place = "positional" if instance.get("port") else "weak"
             device = {**device, "instance": {**instance, "strength": place}}
         out.append(device)
@@ -319,7 +319,7 @@ def keep_ids(probe: JsonObject, shown: JsonObject, before: JsonObject, ledger: M
 
 def _keep(kept: Kept, base: str, places: list[tuple[int, JsonObject]], old: Mapping[str, JsonObject]) -> None:
     devices = kept.probe["devices"]
-    found = [(index, {**said, "instance": devices[index].get("instance")}) for index, said in places]
+    found = [(index, {**text, "instance": devices[index].get("instance")}) for index, text in places]
     given: dict[int, str] = {}
     for same in (_same_number, _same_place):
         for index, device in found:

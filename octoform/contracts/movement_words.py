@@ -117,14 +117,14 @@ def name_moves(name: str) -> str | None:
 
 def carries(name: str, schema: Mapping[str, Any], devices: Iterable[str]) -> str | None:
     """Why a parameter does more than select what is read; None for an index, a count, a time or a plain choice."""
-    said, values = (
+    result, values = (
         str(schema.get("description", "")),
         schema.get("enum", [schema["const"]] if "const" in schema else None),
     )
     words = set(spoken(name))
     aims = _GOALS | {"goal", "goals", "target", "setpoint"}
-    if told := speaks_of_change(said) or next((word for word in (*words, *spoken(said)) if word in aims), None):
-        return f"{told} shows that it carries what the device is to do"
+    if found := speaks_of_change(result) or next((word for word in (*words, *spoken(result)) if word in aims), None):
+        return f"{found} shows that it carries what the device is to do"
     times = words & _WAITS or (words & _TIMES and not words & _STEERING)
     if values is not None:
         if set(map(str, values)) <= set(devices):

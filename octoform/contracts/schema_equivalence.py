@@ -185,8 +185,8 @@ def _wider(promised: Any, found: Any, where: str) -> list[str]:
         return []
     place = _shown_place(where) or "the result"
     if not given:
-        told = isinstance(found, dict) and "$ref" in found  # beyond the references that a comparison follows
-        return [] if told else [f"{place}: {_said(_named(wanted))} promised, nothing found"]
+        is_known = isinstance(found, dict) and "$ref" in found  # beyond the references that a comparison follows
+        return [] if is_known else [f"{place}: {_said(_named(wanted))} promised, nothing found"]
     if given - wanted - ({"integer"} if "number" in wanted else set()):
         return [f"{place}: {_said(_named(wanted))} promised, {_said(_named(given))} found"]
     choices, real = promised.get("enum"), found.get("enum")
@@ -327,11 +327,11 @@ def _result(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) 
 
 
 def _annotations(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) -> list[Diagnostic]:
-    said = found.get("annotations") or {}
+    fields = found.get("annotations") or {}
     lines = [
-        f"{hint}: {str(wanted['annotations'][hint]).lower()} promised, {str(said.get(hint, 'nothing')).lower()} found"
+        f"{hint}: {str(wanted['annotations'][hint]).lower()} promised, {str(fields.get(hint, 'nothing')).lower()} found"
         for hint in _HINTS
-        if said.get(hint) is not wanted["annotations"][hint]
+        if fields.get(hint) is not wanted["annotations"][hint]
     ]
     if not lines:
         return []

@@ -141,8 +141,8 @@ class Evidence:
         seen = [each.signal for each in newest if each.signal.channel is Channel.FRAME]
         former = [each for signal in seen for each in self.ledger.readings_of(signal)[-2:-1]]
         lost = measured(newest, self.ledger.readings_of) - answered(newest)
-        told = [each if each.value is not None or each.why else _lost(each, lost) for each in newest]
-        return [_flat(reading) for reading in sorted([*former, *told], key=lambda each: each.uptime)]
+        lines = [each if each.value is not None or each.why else _lost(each, lost) for each in newest]
+        return [_flat(reading) for reading in sorted([*former, *lines], key=lambda each: each.uptime)]
 
 
 def _success(tool: str) -> Signal:

@@ -135,8 +135,8 @@ def compose(
         for each in pending
     ]
     # What is seen directly comes first, and an episode of the same adds nothing to it.
-    told = {(each.target, each.status): each for each in reversed(parts) if each.status is not Status.HEALTHY}
-    ill = sorted(told.values(), key=_rank)
+    fields = {(each.target, each.status): each for each in reversed(parts) if each.status is not Status.HEALTHY}
+    ill = sorted(fields.values(), key=_rank)
     return Health(
         facts.host,
         facts.stamp,

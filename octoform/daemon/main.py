@@ -345,17 +345,17 @@ class _Shown:
 
 def _doings(made: Round) -> Iterator[dict[str, object]]:
     """What one check cycle noticed, began, tried and saw the end of, as lines of the execution log."""
-    told = {"time": made.facts.stamp, "from": "daemon"}
+    fields = {"time": made.facts.stamp, "from": "daemon"}
     for episode in made.opened:
-        yield {"event": "noticed", **told, "target": episode.target, "summary": episode.summary}
+        yield {"event": "noticed", **fields, "target": episode.target, "summary": episode.summary}
     for episode, tried in made.tried:
         ended = {"repair": tried.repair, "ok": tried.ok, "detail": tried.detail[:300], "seconds": tried.seconds}
-        yield {"event": "repair_end", **told, "target": episode.target, **ended}
+        yield {"event": "repair_end", **fields, "target": episode.target, **ended}
     for task in made.begun:
         if task.finding is not None and task.repair is not None:
-            yield {"event": "repair_start", **told, "target": task.finding.target, "repair": task.repair.value}
+            yield {"event": "repair_start", **fields, "target": task.finding.target, "repair": task.repair.value}
     for episode in made.ended:
-        yield {"event": "over", **told, "target": episode.target, "outcome": str(episode.outcome)}
+        yield {"event": "over", **fields, "target": episode.target, "outcome": str(episode.outcome)}
 
 
 def _watched(
@@ -379,14 +379,14 @@ def _watched(
 def _wanted(project: Path, environ: Mapping[str, str]) -> tuple[Wanted | None, Diagnostic | None]:
     workers = Workers(project, environ)
     try:
-        told = workers.run("settings", {}, SETTINGS_SECONDS)
+        result = workers.run("settings", {}, SETTINGS_SECONDS)
     finally:
         workers.end()
-    if told.get("ok") is not True:
+    if result.get("ok") is not True:
         hint = "octoform validate shows all problems"
         summary = "the manifest's settings of the daemon cannot be read"
-        return None, error("DAEMON-NO-SETTINGS", summary, detail=str(told.get("detail") or "") or None, hint=hint)
-    found = wanted(project, told)
+        return None, error("DAEMON-NO-SETTINGS", summary, detail=str(result.get("detail") or "") or None, hint=hint)
+    found = wanted(project, result)
     if problem := foreign(found.layout):
         return None, problem
     if not (found.layout.endpoint / LAUNCHER).is_file():
@@ -406,7 +406,7 @@ def _run(
 
     ``how``: once, and what is to be stated.
     """
-    once, said = how
+    once, result = how
     workers = Workers(found.layout.project, environ)
     try:
         composed = compose(found, environ, workers, shown)
@@ -417,9 +417,11 @@ def _run(
         return error("DAEMON-NO-EVENTS", summary, hint=hint)
     try:
         shown.running, stopping.stop = composed, composed.supervisor.stop
-        if said is not None:
-            composed.supervisor.say(said)
-            composed.looker.manifest = f"cannot be read, so what it was before counts: {said.detail or said.summary}"
+        if result is not None:
+            composed.supervisor.say(result)
+            composed.looker.manifest = (
+                f"cannot be read, so what it was before counts: {result.detail or result.summary}"
+            )
         if stopping.number is None and is_left(found.layout) and busy(found.layout) is None:
             workers.run("settle", {"host": found.layout.host}, SETTLE_SECONDS)
         if stopping.number is None:
@@ -433,13 +435,13 @@ def _run(
 @contextmanager
 def _stopping() -> Iterator[_Stopping]:
     """Signals as a word to the loop, for as long as it runs."""
-    told = _Stopping()
+    found = _Stopping()
     before = {number: signal.getsignal(number) for number in STOPS}
     taken = [number for number in STOPS if before[number] is not signal.SIG_IGN]
     for number in taken:
-        signal.signal(number, told)
+        signal.signal(number, found)
     try:
-        yield told
+        yield found
     finally:
         for number in taken:
             signal.signal(number, before[number])

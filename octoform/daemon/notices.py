@@ -59,8 +59,8 @@ Wait = Callable[[float], bool]
 
 def document_of(alert: Alert) -> dict[str, object]:
     """What a program gets on its standard input and a webhook as its body; all texts are escaped."""
-    told = {name: escaped(str(value)) for name, value in asdict(alert).items()}
-    return {"format": FORMAT, "octoform": "alert", **told}
+    fields = {name: escaped(str(value)) for name, value in asdict(alert).items()}
+    return {"format": FORMAT, "octoform": "alert", **fields}
 
 
 class Notifier:
@@ -246,10 +246,10 @@ class Desktop:
         self._environ = _only(environ, _DESKTOP)
 
     def __call__(self, alert: Alert) -> str | None:
-        told = document_of(alert)
-        title = f"octoform {told['host']}: {told['event']} {told['target']}"
+        found = document_of(alert)
+        title = f"octoform {found['host']}: {found['event']} {found['target']}"
         # A body may hold markup; what devices say must not.
-        body = for_markup("\n".join(filter(None, (str(told["summary"]), str(told["hint"])))), quote=False)
+        body = for_markup("\n".join(filter(None, (str(found["summary"]), str(found["hint"])))), quote=False)
         urgency = "critical" if alert.event in _URGENT else "normal"
         argv = [_NOTIFY_SEND, "--app-name=octoform", f"--urgency={urgency}", "--", title[:200], body[:1000]]
         return run(argv, b"", self._environ, Path("/"))

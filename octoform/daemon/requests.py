@@ -46,8 +46,8 @@ def given_up(layout: Layout) -> GivenUp:
     breakers = Breakers(shelf, myself().boot_id)
     breakers.load(SystemClock().uptime())
     lasting = [each for each in incidents.read(shelf) if not each.over]
-    told = {each.target: advice(each.kind, each.target) for each in lasting}
-    return GivenUp(breakers.given_up(lasting), tuple(told), told, tuple(shelf.said))
+    fields = {each.target: advice(each.kind, each.target) for each in lasting}
+    return GivenUp(breakers.given_up(lasting), tuple(fields), fields, tuple(shelf.said))
 
 
 def retry(layout: Layout, known: GivenUp, target: str | None) -> tuple[tuple[str, ...], Diagnostic | None]:

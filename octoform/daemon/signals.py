@@ -67,7 +67,7 @@ def reporting(readings: Iterable[Reading]) -> frozenset[Signal]:
 def answered(readings: Iterable[Reading]) -> frozenset[Signal]:
     """The signals of sensors that have no value now, and whose result states why it is not known."""
     latest = newest(readings)
-    told = {
+    names = {
         (signal.source, signal.path.removesuffix(UNKNOWN), reading.uptime)
         for signal, reading in latest.items()
         if signal.channel is Channel.SENSOR and signal.path.endswith(UNKNOWN) and isinstance(reading.value, str)
@@ -79,7 +79,7 @@ def answered(readings: Iterable[Reading]) -> frozenset[Signal]:
         and not reading.why
         and any(
             signal.source == source and signal.path.rpartition("/")[0] == path and reading.uptime <= at
-            for source, path, at in told
+            for source, path, at in names
         )
     )
 

@@ -104,18 +104,18 @@ def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, li
     watched = instance_lock.alive(layout)
     # A daemon that can write nothing down any more has left what was true before.
     heard = watched is not None and os.access(layout.daemon, os.W_OK)
-    told = _bulletin(layout, environ) if heard else None
-    if told is None:
+    result = _bulletin(layout, environ) if heard else None
+    if result is None:
         health, troubles = _looked(layout, environ, known)
         age = 0.0
     else:
-        health, age, waits = told
+        health, age, waits = result
         troubles = [_of_episode(each, known, waits.get(each.key, "")) for each in known.episodes if not each.over]
     paused = instance_lock.paused_since(layout)
     made = Survey(
         health,
         watched,
-        looked=told is None,
+        looked=result is None,
         age=age,
         troubles=tuple(troubles),
         paused=paused,

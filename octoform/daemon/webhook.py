@@ -48,8 +48,8 @@ def post(url: str, body: object, seconds: float) -> str | None:
 
 def _reason(problem: object) -> str:
     """The kind of a problem: the texts of these exceptions may repeat the URL."""
-    said = problem.strerror if isinstance(problem, OSError) and problem.strerror else None
-    return f"it cannot be reached ({type(problem).__name__}{f': {said}' if said else ''})"
+    found = problem.strerror if isinstance(problem, OSError) and problem.strerror else None
+    return f"it cannot be reached ({type(problem).__name__}{f': {found}' if found else ''})"
 
 
 def main() -> int:

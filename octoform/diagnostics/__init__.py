@@ -60,8 +60,8 @@ def warning(code: str, summary: str, **where: object) -> Diagnostic:
 
 def _made(severity: Severity, code: str, summary: str, where: Mapping[str, object]) -> Diagnostic:
     """With names of files that are no text (surrogateescape, PEP 383) as text, which every output can hold."""
-    told = {name: _text(value) if isinstance(value, str) else value for name, value in where.items()}
-    return Diagnostic(severity, code, _text(summary), **told)  # type: ignore[arg-type]
+    fields = {name: _text(value) if isinstance(value, str) else value for name, value in where.items()}
+    return Diagnostic(severity, code, _text(summary), **fields)  # type: ignore[arg-type]
 
 
 def _text(text: str) -> str:

@@ -252,10 +252,10 @@ class Forked:
             ready = self._await([self._answers.fileno(), self._pidfd], timeout)
             if self._answers.fileno() not in ready:  # it has ended: its server reports that at once, or is stopped
                 ready = select.select([self._answers.fileno()], [], [], END_SECONDS)[0]
-            told = self._answers.recv(64) if ready else b""
-            if not told:
+            text = self._answers.recv(64) if ready else b""
+            if not text:
                 self._await([self._pidfd], timeout and max(0.0, timeout - (time.monotonic() - started)))
-            self._status = int(told) if told else self.LOST
+            self._status = int(text) if text else self.LOST
             self._answers.close()
             os.close(self._pidfd)
         return self._status

@@ -56,16 +56,16 @@ class Conversation:
         """The connection ended: the errors for what was under way and must not be sent again."""
         self._settle()
         self.shaking = False
-        told = []
+        lines = []
         for key, (message, _) in list(self._waiting.items()):
             if message.get("method") not in _REPEATED:
                 del self._waiting[key]
-                told.append(failed(message["id"], _LOST))
+                lines.append(failed(message["id"], _LOST))
         for message in self._asked.values():
             self._stale.add(_key(message["id"]))
-            told.append(_line({"method": "notifications/cancelled", "params": {"requestId": message["id"]}}))
+            lines.append(_line({"method": "notifications/cancelled", "params": {"requestId": message["id"]}}))
         self._asked.clear()
-        return told
+        return lines
 
     def found(self) -> list[bytes]:
         """There is a connection to another endpoint: what it has to be sent first."""
@@ -401,8 +401,8 @@ class Down:
                 self._held = data
                 return b""
             if line.strip():
-                told, answers = self._conversation.from_endpoint(line + end)
-                self.waiting += told
+                found, answers = self._conversation.from_endpoint(line + end)
+                self.waiting += found
                 back += answers
             data = rest
         self._held = b""

@@ -73,9 +73,9 @@ def ranges(bounds: Iterable[Bound]) -> dict[Place, Range]:
 
 def limits(tool: Tool, known: Mapping[Place, Range]) -> Iterator[dict[str, Any]]:
     """The limits on the goals of a tool: those that are tighter than what the tool keeps to anyway."""
-    told = tool.get("units") or {}
-    goal = told.get("goal") or {}
-    for unit in told.get("names", ()) if goal else ():
+    fields = tool.get("units") or {}
+    goal = fields.get("goal") or {}
+    for unit in fields.get("names", ()) if goal else ():
         found = _of_all(tool, known, goal["of"], unit)
         if _is_tighter(found, _inherent(goal, unit)):
             yield _limit(found, goal, unit)
@@ -83,9 +83,9 @@ def limits(tool: Tool, known: Mapping[Place, Range]) -> Iterator[dict[str, Any]]
 
 def reported(tool: Tool, known: Mapping[Place, Range]) -> Iterator[dict[str, Any]]:
     """The ranges against which the places are held that the device reports after a call of a tool."""
-    told = tool.get("units") or {}
-    goal = told.get("goal") or {}
-    for unit in told.get("names", ()) if goal else ():
+    fields = tool.get("units") or {}
+    goal = fields.get("goal") or {}
+    for unit in fields.get("names", ()) if goal else ():
         if (found := _of_all(tool, known, goal["of"], unit)) != Range():
             yield _limit(found, goal, unit)
 
@@ -123,11 +123,11 @@ def _limit(found: Range, goal: Mapping[str, Any], unit: str) -> dict[str, Any]:
 
 def _bounded(bound: Bound) -> tuple[str, ...]:
     """The units whose place the parameter of a bound is."""
-    told = bound.tool["units"]
-    if bound.parameter == told["goal"].get("parameter"):
-        found = tuple(told["names"])
+    result = bound.tool["units"]
+    if bound.parameter == result["goal"].get("parameter"):
+        found = tuple(result["names"])
     else:
-        found = tuple(unit for name, unit in told.get("parameters", {}).items() if name == bound.parameter)
+        found = tuple(unit for name, unit in result.get("parameters", {}).items() if name == bound.parameter)
     return tuple(unit for unit in found if not bound.units or unit in bound.units)
 
 

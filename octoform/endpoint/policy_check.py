@@ -107,8 +107,8 @@ def _units(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
     """Units that a limit names and no tool of it has."""
     for index, limit in enumerate(policy.limits):
         meant = [tool.get("units") or {} for tool in tools if fnmatchcase(tool["name"], limit.tool)]
-        placed = [told for told in meant if _is_goal(limit.parameter, told)]
-        known = list(dict.fromkeys(name for told in placed for name in told["names"]))
+        placed = [message for message in meant if _is_goal(limit.parameter, message)]
+        known = list(dict.fromkeys(name for message in placed for name in message["names"]))
         for unit in limit.units:
             if unit not in known:
                 near = did_you_mean(unit, known)

@@ -236,7 +236,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
     if environ.get("OCTOFORM_SYSROOT"):
         variables["OCTOFORM_SYSROOT"] = environ["OCTOFORM_SYSROOT"]
     runtime = {f"{layout.runtime.name}/{name}": digest for name, digest in files_below(layout.runtime).items()}
-    told = ("name", "effect", "devices", "annotations", "output_schema")
+    lines = ("name", "effect", "devices", "annotations", "output_schema")
     return {
         "format": 2,
         "octoform": octoform.__version__,
@@ -245,7 +245,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "transport": "stdio",
         "command": client_command(layout),
         "environment": variables,
-        "tools": [{key: tool[key] for key in told if key in tool} for tool in service.tools],
+        "tools": [{key: tool[key] for key in lines if key in tool} for tool in service.tools],
         "devices": [dict(device) for device in service.devices],
         "server": {"path": str(server), "digest": of_bytes(read(server)), "runtime": runtime},
         "paths": {"run": str(layout.run), "log": str(layout.logs)},

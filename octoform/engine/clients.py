@@ -58,11 +58,11 @@ def printed(
     server, more = _server(layout, chosen, transport)
     if server is None:
         return None, [*found, *more]
-    server, told = _outward(layout, replace(server, bearer=None))
+    server, result = _outward(layout, replace(server, bearer=None))
     entry = formats.form(chosen, server.name, server.command, server.url)
     assert entry is not None
     wish = merge.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
-    notes = () if server.url is None else (*told, *_token_notes(chosen))
+    notes = () if server.url is None else (*result, *_token_notes(chosen))
     file = client_install.file_of(chosen, _around(environ))
     kind = STDIO if server.url is None else HTTP
     return Printed(chosen, file, merge.written(chosen, wish), kind, notes), found
@@ -132,8 +132,8 @@ def notes(outcome: Outcome) -> tuple[str, ...]:
     """What a person has to do so that the client works with what was written."""
     if outcome.state in ("present", "absent", "removed"):
         return ()
-    told = _token_notes(outcome.client) if outcome.transport == HTTP and outcome.client.reference else []
-    return (*told, outcome.client.after)
+    lines = _token_notes(outcome.client) if outcome.transport == HTTP and outcome.client.reference else []
+    return (*lines, outcome.client.after)
 
 
 def _token_notes(client: Client) -> list[str]:
@@ -237,8 +237,8 @@ def _outward(layout: Layout, server: Server) -> tuple[Server, tuple[str, ...]]:
     if not tunnel.running:
         reason = f" ({tunnel.reason})" if tunnel.reason else ""
         return server, (f"the tunnel does not run{reason}, so this is the address for this machine and its network",)
-    told = "this is the address of the tunnel: it is another one after each start, unless its provider keeps it"
-    return replace(server, url=external_address.through(tunnel, server.url)), (told,)
+    text = "this is the address of the tunnel: it is another one after each start, unless its provider keeps it"
+    return replace(server, url=external_address.through(tunnel, server.url)), (text,)
 
 
 def _url(layout: Layout) -> str | None:

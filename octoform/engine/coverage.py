@@ -236,10 +236,10 @@ def _devices(ground: Ground) -> Iterable[Device]:
         name = seen["id"]
         base = {"id": name, "seen_as": seen["name"], "bus": seen["interface"], "answered": name in ground.answers}
         if name in annotated:
-            told = _annotated(annotated[name], tools.get(name, ()), left.get(name, {}))
-            if told["tools"] and name in ground.closed:
-                told |= {"standing": Standing.NAMED, "reason": "not_permitted", "detail": ground.closed[name]}
-            yield Device(**base, tier=ground.tiers.get(name), **told)
+            found = _annotated(annotated[name], tools.get(name, ()), left.get(name, {}))
+            if found["tools"] and name in ground.closed:
+                found |= {"standing": Standing.NAMED, "reason": "not_permitted", "detail": ground.closed[name]}
+            yield Device(**base, tier=ground.tiers.get(name), **found)
         else:
             yield Device(**base, **_unannotated(left.get(name)))
 
@@ -394,8 +394,8 @@ def report(project: Path, environ: Mapping[str, str]) -> tuple[CoverageReport | 
         endpoint="running" if endpoint.process is not None else "stopped" if endpoint.present else "absent",
         notes=(*notes(snapshot, artifacts, files), *_waiting(artifacts, compiled.manifest.answers, heard)),
     )
-    told = (*device_knowledge.offers(artifacts, compiled), *device_knowledge.unmatched(artifacts, compiled))
-    return made, [*found, *told]
+    lines = (*device_knowledge.offers(artifacts, compiled), *device_knowledge.unmatched(artifacts, compiled))
+    return made, [*found, *lines]
 
 
 def save(path: Path, text: str) -> Diagnostic | None:
@@ -476,8 +476,8 @@ def _given(folder: Path) -> str:
     """Digest of what an agent was given beside the devices: spec, answers, profiles."""
     task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"") or {}
     spec = read_plain(folder / "spec.md", MOST_SPEC_BYTES) or b""
-    told = {name: task.get(name) or None for name in ("answers", "profiles")}
-    return digest.of_value({"spec": digest.of_bytes(spec), **told})
+    fields = {name: task.get(name) or None for name in ("answers", "profiles")}
+    return digest.of_value({"spec": digest.of_bytes(spec), **fields})
 
 
 def _stage(name: str, state: NodeState) -> Stage:

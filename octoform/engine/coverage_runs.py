@@ -116,8 +116,8 @@ def run_of(agent: str, identify: Mapping[str, Any], interface: Mapping[str, Any]
 def compare(given: Sequence[Run], skipped: int = 0) -> Stability:
     """What the runs agree on."""
     runs, renamed = _aligned(given)
-    several = {name: said for name, said in _by_device(runs).items() if len(said) > 1}
-    found = [item for name, said in several.items() for item in _differences(name, said)]
+    several = {name: text for name, text in _by_device(runs).items() if len(text) > 1}
+    found = [item for name, text in several.items() for item in _differences(name, text)]
     abilities = [_abilities(run) for run in runs]
     return Stability(
         runs=len(runs),
@@ -139,7 +139,7 @@ def _by_device(runs: Sequence[Run]) -> dict[str, list[Identity]]:
 
 
 def _abilities(run: Run) -> set[Ability]:
-    return {Ability(device, name) for device, said in run.devices.items() for name in said.capabilities}
+    return {Ability(device, name) for device, text in run.devices.items() for name in text.capabilities}
 
 
 def _differences(device: str, said: Sequence[Identity]) -> list[Disagreement]:
@@ -147,8 +147,8 @@ def _differences(device: str, said: Sequence[Identity]) -> list[Disagreement]:
     left = ["skipped" if item.category == LEFT_OUT else "identified" for item in said]
     if len(set(left)) > 1:
         return [Disagreement(device, "identified", _counted(left))]
-    told = {"identity": [item.identified_as for item in said], "category": [item.category for item in said]}
-    found = [Disagreement(device, aspect, _counted(words)) for aspect, words in told.items() if len(set(words)) > 1]
+    fields = {"identity": [item.identified_as for item in said], "category": [item.category for item in said]}
+    found = [Disagreement(device, aspect, _counted(words)) for aspect, words in fields.items() if len(set(words)) > 1]
     for name in dict.fromkeys(name for item in said for name in item.capabilities):
         effects = [item.capabilities[name].effect if name in item.capabilities else MISSING for item in said]
         if len(set(effects)) > 1:
@@ -164,8 +164,8 @@ def _aligned(runs: Sequence[Run]) -> tuple[list[Run], tuple[Renamed, ...]]:
     """The runs with one name for what is the same capability, and which tools were called differently."""
     alias = {
         Ability(device, name): best
-        for device, said in _by_device(runs).items()
-        for best, names in _same_way([item for item in said if item.category != LEFT_OUT])
+        for device, text in _by_device(runs).items()
+        for best, names in _same_way([item for item in text if item.category != LEFT_OUT])
         for name in names
     }
     aligned = [_renaming(run, alias) for run in runs]
@@ -193,9 +193,9 @@ def _same_way(said: Sequence[Identity]) -> list[tuple[str, list[str]]]:
 def _renaming(run: Run, alias: Mapping[Ability, str]) -> Run:
     devices = {
         device: replace(
-            said, capabilities={alias.get(Ability(device, name), name): way for name, way in said.capabilities.items()}
+            text, capabilities={alias.get(Ability(device, name), name): way for name, way in text.capabilities.items()}
         )
-        for device, said in run.devices.items()
+        for device, text in run.devices.items()
     }
     tools = {
         ability._replace(capability=alias.get(ability, ability.capability)): name for ability, name in run.tools.items()
@@ -334,7 +334,7 @@ def runs(groups: Iterable[Sequence[Attempt]], output: Output) -> list[tuple[Atte
 
 def _identified(group: Sequence[Attempt], output: Output) -> tuple[Mapping[str, Any] | None, Attempt | None]:
     """What a pass's own agents said of the devices, a second one's words in place of the first's."""
-    said: Mapping[str, Any] | None = None
+    found: Mapping[str, Any] | None = None
     last = None
     for item in group:
         if item.stage != "identify" or item.state != ACCEPTED or item.told.role == REUSE:
@@ -342,6 +342,6 @@ def _identified(group: Sequence[Attempt], output: Output) -> tuple[Mapping[str, 
         value = output(item)
         if value is None:
             continue
-        more = item.told.role == ESCALATE and said is not None
-        said, last = (merged(said, value) if more and said is not None else value), item
-    return said, last
+        more = item.told.role == ESCALATE and found is not None
+        found, last = (merged(found, value) if more and found is not None else value), item
+    return found, last

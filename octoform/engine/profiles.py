@@ -246,8 +246,8 @@ def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
 
 def _named_in(answer: str) -> str:
     """What an answer calls the device, letter by letter: without the words before the name and the place behind it."""
-    said = _BEFORE.sub("", " ".join(answer.split()))
-    return _BEHIND.split(said, maxsplit=1)[0].strip(" .,;:!")[:120]
+    found = _BEFORE.sub("", " ".join(answer.split()))
+    return _BEHIND.split(found, maxsplit=1)[0].strip(" .,;:!")[:120]
 
 
 def _said(device: Mapping[str, Any], key: str) -> str:

@@ -71,15 +71,15 @@ def status(project: Path, environ: Mapping[str, str]) -> Status:
 def _status(project: Path, environ: Mapping[str, str]) -> Status:
     remembered = memo.recall(project, environ)
     if remembered is not None:
-        plan, told = remembered.plan, remembered.diagnostics
+        plan, result = remembered.plan, remembered.diagnostics
     else:
         from octoform.engine.plan.plan import Request, prepare  # heavy, and only what has changed pays for it
 
         outlook, found = prepare(Request(project, environ))
         if outlook is None:
             return Status("", None, diagnostics=tuple(found))
-        plan, told = outlook.plan, tuple(found)
-    warnings = tuple(item for item in told if item.code == UNMATCHED)
+        plan, result = outlook.plan, tuple(found)
+    warnings = tuple(item for item in result if item.code == UNMATCHED)
     return replace(_compared(Layout(project, plan.host), plan), warnings=warnings)
 
 
@@ -103,9 +103,9 @@ def _compared(layout: Layout, plan: Plan) -> Status:
 
 def _process(layout: Layout) -> Process:
     found = running(layout)
-    told = record.ask(layout, {"op": "status"}) if found else None
+    result = record.ask(layout, {"op": "status"}) if found else None
     count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
-    return Process(found, told, _latched(layout), count)
+    return Process(found, result, _latched(layout), count)
 
 
 def _latched(layout: Layout) -> Mapping[str, Any] | None:

@@ -114,8 +114,8 @@ def apply_asking(request: Request, options: Options, view: AskingView) -> RunRes
     result = apply(request, options, view)
     if result.failed or not result.questions:
         return result
-    told = [_ask(request, question, view) for question in result.questions]
-    return apply(request, options, view) if any(told) else result
+    lines = [_ask(request, question, view) for question in result.questions]
+    return apply(request, options, view) if any(lines) else result
 
 
 def _ask(request: Request, question: OpenQuestion, view: AskingView) -> bool:
@@ -123,6 +123,6 @@ def _ask(request: Request, question: OpenQuestion, view: AskingView) -> bool:
     sentence = view.question(question)
     if not sentence:
         return False
-    told, found = answer(request.project, request.environ, question.device, sentence)
-    view.answered(told, found)
-    return told is not None
+    result, found = answer(request.project, request.environ, question.device, sentence)
+    view.answered(result, found)
+    return result is not None

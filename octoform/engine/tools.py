@@ -58,8 +58,8 @@ def tools(
     out = []
     for tool in listed:
         name, extra = tool["name"], ("effect", "devices")
-        told = {key: known.get(name, {}).get(key) for key in extra}
-        out.append({**tool, **told, "decision": decided.get(name, {}).get("decision")})
+        fields = {key: known.get(name, {}).get(key) for key in extra}
+        out.append({**tool, **fields, "decision": decided.get(name, {}).get("decision")})
     return out, []
 
 

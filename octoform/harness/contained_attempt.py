@@ -123,14 +123,14 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
         Limits(wall_seconds=task.limits.wall_seconds),
         watcher,
     )
-    told = outcome(ended, task, invocation, watcher)
-    return _unconfined(told, confined.summary) if isinstance(confined, Diagnostic) else told
+    found = outcome(ended, task, invocation, watcher)
+    return _unconfined(found, confined.summary) if isinstance(confined, Diagnostic) else found
 
 
 def _unconfined(told: Outcome, why: str) -> Outcome:
     """The outcome of an agent that no sandbox held, with what follows from that."""
-    said = [told.detail, f"it ran without a sandbox: {why}"]
-    return replace(told, unconfined=why, detail="; ".join(text for text in said if text))
+    lines = [told.detail, f"it ran without a sandbox: {why}"]
+    return replace(told, unconfined=why, detail="; ".join(text for text in lines if text))
 
 
 def _piped(task: Task, invocation: Invocation) -> bytes:
@@ -204,35 +204,35 @@ def _usage(task: Task, watcher: Watcher) -> Usage:
 
 
 def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) -> str:
-    said = [_ending(ended, task, invocation.argv[0], watcher)]
+    lines = [_ending(ended, task, invocation.argv[0], watcher)]
     if ended.reason == "ended" and ended.status == 0 and _silent(invocation, watcher):
-        said.append("it ended without a word on how its run went")
-    said.append(_words(ended, watcher))
+        lines.append("it ended without a word on how its run went")
+    lines.append(_words(ended, watcher))
     if ended.survivors and ended.reason == "ended":
         # Of a tree that was ended as a whole nothing was left behind: these are the program's own tools.
-        said.append(f"{ended.survivors} process(es) that it had left running were ended")
+        lines.append(f"{ended.survivors} process(es) that it had left running were ended")
     if ended.remaining:
-        said.append(f"{ended.remaining} process(es) could not be ended")
+        lines.append(f"{ended.remaining} process(es) could not be ended")
     if ended.reason in ("lost", "halted") and invocation.sandbox is None:
-        said.append("without a sandbox it can hide a process from octoform, which may run on")
+        lines.append("without a sandbox it can hide a process from octoform, which may run on")
     if ended.containment != "subreaper":
-        said.append("this system can end only the agent's own process group")
+        lines.append("this system can end only the agent's own process group")
     if ended.log_dropped:
-        said.append(f"its log was cut after {ended.log_bytes} bytes")
+        lines.append(f"its log was cut after {ended.log_bytes} bytes")
     unset = _unset(task, (*invocation.named, *invocation.piped)) if ended.status != 0 else []
     if unset:
-        said.append(f"not set in the environment: {', '.join(unset)}")
-    return "; ".join(text for text in said if text)
+        lines.append(f"not set in the environment: {', '.join(unset)}")
+    return "; ".join(text for text in lines if text)
 
 
 def _words(ended: Ended, watcher: Watcher) -> str:
     """What the program itself said of its end; where that is nothing, what it complained of last as it failed."""
     closed = watcher.closed
-    said = [watcher.trouble.text] if watcher.trouble is not None else []
-    said += [closed.text] if closed is not None and not closed.ok and closed.text else []
-    if not said and closed is None and ended.reason == "ended" and ended.status and watcher.last_words:
-        said.append(f"its last output: {watcher.last_words}")
-    return "; ".join(said)
+    lines = [watcher.trouble.text] if watcher.trouble is not None else []
+    lines += [closed.text] if closed is not None and not closed.ok and closed.text else []
+    if not lines and closed is None and ended.reason == "ended" and ended.status and watcher.last_words:
+        lines.append(f"its last output: {watcher.last_words}")
+    return "; ".join(lines)
 
 
 def _ending(ended: Ended, task: Task, name: str, watcher: Watcher) -> str:

@@ -101,15 +101,15 @@ def trouble(text: str, status: int | None = None, *, final: bool = False) -> Tro
 
 
 def _reason(text: str, status: int | None) -> ExitReason:
-    said = _said(text)
+    found = _said(text)
     if status in REFUSALS:
         # Some services call a wrong key a bad request.
-        said = said if said is ExitReason.AUTH else ExitReason.REFUSED
+        found = found if found is ExitReason.AUTH else ExitReason.REFUSED
     elif status is not None:
-        said = _said(str(status)) or said
-    if said is ExitReason.REFUSED and _TOO_LONG.search(text):
+        found = _said(str(status)) or found
+    if found is ExitReason.REFUSED and _TOO_LONG.search(text):
         return ExitReason.CRASHED
-    return said or ExitReason.CRASHED
+    return found or ExitReason.CRASHED
 
 
 def _said(text: str) -> ExitReason | None:

@@ -116,7 +116,7 @@ def stated_version(located: Located, environ: Mapping[str, str]) -> Stated:
         variables["PATH"] = os.pathsep.join((*located.path, variables["PATH"]))
         done = short_run((*located.argv, "--version"), variables, SECONDS)
     if not done.ok:
-        said = " ".join((done.stderr or done.stdout).split())
-        return Stated(None, f"{done.ending}{f': {said[-REASON_CHARS:]}' if said else ''}")
+        text = " ".join((done.stderr or done.stdout).split())
+        return Stated(None, f"{done.ending}{f': {text[-REASON_CHARS:]}' if text else ''}")
     found = _VERSION.search(done.stdout)
     return Stated(found.group()) if found else Stated(None, "reported no version")

@@ -257,7 +257,7 @@ def _tunnel(source: Document) -> Tunnel | None:
 
 
 def _daemon(chosen: sections.Daemon, project: Path) -> Daemon:
-    told = chosen.notify
+    found = chosen.notify
     return Daemon(
         interval=seconds(chosen.interval) or 0,
         heal_attempts=chosen.heal_attempts,
@@ -265,7 +265,7 @@ def _daemon(chosen: sections.Daemon, project: Path) -> Daemon:
         calls_per_hour=chosen.calls_per_hour,
         usd_per_hour=chosen.usd_per_hour,
         claim_seconds=seconds(chosen.claim_expiry) or 0,
-        notify=Notify(tuple(told.command or ()), told.webhook, told.desktop),
+        notify=Notify(tuple(found.command or ()), found.webhook, found.desktop),
         metrics=Path(os.path.normpath(project / chosen.metrics)) if chosen.metrics is not None else None,
     )
 

@@ -33,14 +33,14 @@ def _stage(document: Document, name: str) -> Stage:
 
 
 def _timeouts(document: Document, root: Table, report: ProblemList) -> None:
-    told: set[Span] = set()
+    names: set[Span] = set()
     for name in (*STAGES, *KEEPERS):
         attempt, stage = timeouts(document.budget, _stage(document, name).budget)
         if attempt <= stage:
             continue
         span = _written(root, name, _TIMEOUTS) or root.span
-        if span not in told:
-            told.add(span)
+        if span not in names:
+            names.add(span)
             report.warning(
                 "MANIFEST-TIMEOUTS",
                 f"one attempt may take longer ({attempt:.0f} s) than its whole stage ({stage:.0f} s)",
@@ -60,13 +60,13 @@ def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:
 
 def _idle_timeouts(document: Document, root: Table, report: ProblemList) -> None:
     """A silence longer than the attempt itself never ends it."""
-    told: set[Span] = set()
+    names: set[Span] = set()
     for name in (*STAGES, *KEEPERS):
         own = _stage(document, name).budget
         (attempt, _), silence = timeouts(document.budget, own), idle(document.budget, own)
         span = _written(root, name, ("idle_timeout",))
-        if silence is not None and silence > attempt and span is not None and span not in told:
-            told.add(span)
+        if silence is not None and silence > attempt and span is not None and span not in names:
+            names.add(span)
             report.warning(
                 "MANIFEST-TIMEOUTS",
                 f"an attempt may be silent for longer ({silence:.0f} s) than it may take ({attempt:.0f} s)",

@@ -19,10 +19,10 @@ _REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
 
 def check_secrets(root: Node, report: ProblemList) -> None:
     """Refuse every literal that looks like a secret, in values, keys and comments, and mask it everywhere."""
-    told: set[str] = set()
+    names: set[str] = set()
     for number, line in enumerate(report.lines, 1):
         for start, end in credentials.found_in(line):
-            told.add(line[start:end])
+            names.add(line[start:end])
             _refuse(Span(number, start + 1, end + 1), report)
     for loc, scalar in yaml_tree.scalars(root):
         if _may_hide_one(loc, scalar):
@@ -30,7 +30,7 @@ def check_secrets(root: Node, report: ProblemList) -> None:
         found = _secrets_of(root, loc, scalar)
         if found:
             report.settle(loc)
-        if found - told:
+        if found - names:
             _mask(scalar, report)
             _refuse(scalar.span, report)
 

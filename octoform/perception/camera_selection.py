@@ -111,5 +111,5 @@ def _is_built_in(device: Mapping[str, Any]) -> bool:
     """What hangs on no bus that leaves the machine is a part of it, and so is what the firmware calls fixed."""
     if device.get("interface") not in _OUTSIDE:
         return True
-    said = str(device.get("raw_descriptor") or "").splitlines()
-    return device["instance"].get("removable") == "fixed" or any(line.strip().endswith(_FIXED) for line in said)
+    lines = str(device.get("raw_descriptor") or "").splitlines()
+    return device["instance"].get("removable") == "fixed" or any(line.strip().endswith(_FIXED) for line in lines)

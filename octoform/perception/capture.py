@@ -169,8 +169,8 @@ def decode_with(python: Path, pictures: Sequence[bytes]) -> list[Decoded | None]
     try:
         return [_decoded(item) for item in parse(ended.stdout)["pictures"]]
     except (ValueError, LookupError, TypeError):
-        said = ended.stderr.strip().splitlines()
-        return _failed(said[-1][:300] if said else f"exit status {ended.status}", "octoform plan shows what is wrong")
+        lines = ended.stderr.strip().splitlines()
+        return _failed(lines[-1][:300] if lines else f"exit status {ended.status}", "octoform plan shows what is wrong")
 
 
 def _decoded(item: dict[str, Any]) -> Decoded | None:

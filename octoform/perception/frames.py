@@ -336,9 +336,9 @@ def _moved(old: Path, new: Path) -> None:
 
 def _sweep(folder: Path, record: Record) -> None:
     """Remove pictures that no record tells of: of another kind, or half written by a run that was killed."""
-    told = {frame.file for frame in (record.current, record.previous) if frame is not None}
+    names = {frame.file for frame in (record.current, record.previous) if frame is not None}
     for path in folder.iterdir():
-        if path.name.startswith(_STEMS) and path.name not in told and not path.is_dir():
+        if path.name.startswith(_STEMS) and path.name not in names and not path.is_dir():
             path.unlink(missing_ok=True)
 
 

@@ -45,8 +45,8 @@ class Tool:
 def plain_value(value: Value) -> dict[str, Any]:
     """A value as JSON; members without a value are omitted."""
     bounds = {"minimum": value.minimum, "maximum": value.maximum, "enum": list(value.choices) or None}
-    told = {"about": value.about or None, "unit": value.unit or None, "words": list(value.words) or None}
-    return present({"type": value.type, **told, **bounds, "default": value.default})
+    fields = {"about": value.about or None, "unit": value.unit or None, "words": list(value.words) or None}
+    return present({"type": value.type, **fields, **bounds, "default": value.default})
 
 
 def plain_values(values: tuple[Value, ...]) -> dict[str, Any]:

@@ -100,7 +100,7 @@ class LineGrammar:
 def plain(grammar: LineGrammar) -> dict[str, Any]:
     """The protocol definition as JSON; members without a value are omitted."""
     line, position, stop = grammar.line, grammar.position, grammar.stop
-    told = {"class": line.kind, "baud": line.baud, "ending": line.ending, "ok": line.ok, "error": line.error}
+    fields = {"class": line.kind, "baud": line.baud, "ending": line.ending, "ok": line.ok, "error": line.error}
     times = {"timeout": line.timeout, "settle": line.settle or None}
     more: dict[str, Any] = {}
     if position is not None:
@@ -114,16 +114,16 @@ def plain(grammar: LineGrammar) -> dict[str, Any]:
         for item in grammar.tools()
         if item.do
     ]
-    return {"line": present({**told, **times}), **more, "commands": commands}
+    return {"line": present({**fields, **times}), **more, "commands": commands}
 
 
 def _present_command(command: Command) -> dict[str, Any]:
-    told = {"tool": command.tool, "send": command.send or None, "about": command.about, "effect": command.effect}
+    document = {"tool": command.tool, "send": command.send or None, "about": command.about, "effect": command.effect}
     fields = plain_values(command.fields) or None
     parameters = plain_values(command.parameters)
     # One line stands as it was written; several are a list.
     reply = command.reply[0] if len(command.reply) == 1 else list(command.reply) or None
-    return present({**told, "parameters": parameters, "reply": reply, "fields": fields})
+    return present({**document, "parameters": parameters, "reply": reply, "fields": fields})
 
 
 # Read the grammar of a line protocol: every problem of it with its place, or the grammar. Pure.

@@ -54,8 +54,8 @@ def holds(rule: Rule, device: Mapping[str, Any], answer: str = "") -> bool:
     if rule.kind == "not":
         return not holds(rule.rules[0], device, answer)
     if rule.kind == "text":
-        told = "\n".join(clause for clause in _CLAUSE.split(answer) if not _DENIAL.search(clause))
-        text = f"{_text(device, 'name')}\n{_text(device, 'raw_descriptor')}\n{told}".casefold()
+        message = "\n".join(clause for clause in _CLAUSE.split(answer) if not _DENIAL.search(clause))
+        text = f"{_text(device, 'name')}\n{_text(device, 'raw_descriptor')}\n{message}".casefold()
         return any(_has_word(text, word) for word in rule.words)
     return not set(rule.words).isdisjoint(_values(rule.kind, device))
 

@@ -361,8 +361,8 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
     if grammar is None and "grammar" in document.fields and listed:  # its own problems are told; units are not known
         given = {name: value for name, value in listed.items() if name not in OF_UNITS}
     rig = read_bench(problems, given, bounds, grammar)
-    told = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
-    return rig, [*found, *told, *more]
+    lines = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]
+    return rig, [*found, *lines, *more]
 
 
 def _idle_limits(document: Document, grammar: Grammar | None) -> list[Diagnostic]:

@@ -182,7 +182,7 @@ def plain(grammar: RegisterGrammar, *, of_product: bool = False) -> dict[str, An
     """The protocol definition as JSON, the bus ids and disabled units being those of the rig unless ``of_product``."""
     registers = grammar.registers
     library, protect, calibration = registers.library, registers.protect, registers.calibration
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "class": registers.kind,
         "baud": registers.baud,
         "library": {"distribution": library.distribution, "module": library.module, "protocol": library.protocol},
@@ -194,12 +194,12 @@ def plain(grammar: RegisterGrammar, *, of_product: bool = False) -> dict[str, An
     }
     if protect is not None:
         span = {"refuse_at": protect.refuse_at, "resume_below": protect.resume_below}
-        told["protect"] = present({"field": protect.field, **span, "unit": protect.unit or None})
+        fields["protect"] = present({"field": protect.field, **span, "unit": protect.unit or None})
     if calibration is not None:
-        told["calibration"] = {"format": calibration.format, "files": list(calibration.files)}
-    told["poses"] = {name: dict(pose) for name, pose in registers.poses.items()}
+        fields["calibration"] = {"format": calibration.format, "files": list(calibration.files)}
+    fields["poses"] = {name: dict(pose) for name, pose in registers.poses.items()}
     pairs = zip(grammar.commands, grammar.tools(), strict=True)
-    return {"registers": present(told), "commands": [_command(*pair) for pair in pairs]}
+    return {"registers": present(fields), "commands": [_command(*pair) for pair in pairs]}
 
 
 def _register(item: Register) -> dict[str, Any]:
@@ -228,6 +228,6 @@ def _motion(motion: Motion) -> dict[str, Any]:
 
 
 def _command(command: Action, tool: Tool) -> dict[str, Any]:
-    told = {"tool": tool.tool, "do": tool.do, "about": tool.about, "effect": tool.effect}
+    fields = {"tool": tool.tool, "do": tool.do, "about": tool.about, "effect": tool.effect}
     more = {"fields": list(command.fields) or None, "scale": command.scale, "pose": command.pose}
-    return present({**told, "parameters": plain_values(tool.parameters), **more, "release": command.release or None})
+    return present({**fields, "parameters": plain_values(tool.parameters), **more, "release": command.release or None})

@@ -157,8 +157,8 @@ def contradicts(path: Path, device_id: str) -> bool:
     if ids:
         return f"-{ids}" not in device_id
     kind, name = subsystem(path)
-    said = slug(read_text(path / ("type" if name == "thermal" else "name")) or "")
-    return kind == "class" and bool(said) and said not in device_id and slug(path.name) not in device_id
+    found = slug(read_text(path / ("type" if name == "thermal" else "name")) or "")
+    return kind == "class" and bool(found) and found not in device_id and slug(path.name) not in device_id
 
 
 def kind_of(device_id: str) -> tuple[str, list[Path]]:
@@ -270,8 +270,8 @@ def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
     if folder is None or not matches(folder, device_id) or claim.excludes(folder) or claim.lacks(folder):
         return None
     proved = claim.unique and serial(folder)
-    said = str(instance.get("strength")) if isinstance(instance, Mapping) else WEAK
-    return Binding(folder, STRONG if proved else WEAK if said == WEAK else POSITIONAL)
+    text = str(instance.get("strength")) if isinstance(instance, Mapping) else WEAK
+    return Binding(folder, STRONG if proved else WEAK if text == WEAK else POSITIONAL)
 
 
 def bind(device_id: str, known: Mapping[str, Any], actuate: bool) -> Binding:
@@ -374,8 +374,8 @@ def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list
         _claim(each, instance if isinstance(instance, Mapping) else {})
         for each, instance in sorted(instances.items(), key=lambda item: _ordinal(item[0], name))
     ]
-    said = [text for each in specimens for text in names_said(each)]
-    return [_proved(claim, claims, said) for claim in claims]
+    lines = [text for each in specimens for text in names_said(each)]
+    return [_proved(claim, claims, lines) for claim in claims]
 
 
 def _proved(claim: _Claim, claims: list[_Claim], said: list[str]) -> _Claim:

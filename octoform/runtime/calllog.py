@@ -121,9 +121,9 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
                 value = tool(*args, **kwargs)
             except BaseException as problem:
                 _end(entry, seen, problem)
-                if (told := for_client(problem)) is None:
+                if (found := for_client(problem)) is None:
                     raise
-                raise told from problem
+                raise found from problem
         _end(entry, seen, None)
         return value
 
@@ -135,9 +135,9 @@ def logged(tool: Callable[P, R]) -> Callable[P, R]:
                 value = await cast("Awaitable[Any]", tool(*args, **kwargs))
             except BaseException as problem:
                 _end(entry, seen, problem)
-                if (told := for_client(problem)) is None:
+                if (found := for_client(problem)) is None:
                     raise
-                raise told from problem
+                raise found from problem
         _end(entry, seen, None)
         return value
 

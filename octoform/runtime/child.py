@@ -68,16 +68,16 @@ class _Child:
 
     def __init__(self, function: Callable[..., Any]) -> None:
         asked, self._asks = os.pipe()
-        self._answers, told = os.pipe()
+        self._answers, found = os.pipe()
         self.ended = threading.Event()
         self._reaped = threading.Lock()
         self.status: int | None = None
         self.pid = os.fork()
         if self.pid == 0:
-            _serve(function, asked, told)
+            _serve(function, asked, found)
         self._start = start_of(self.pid)
         os.close(asked)
-        os.close(told)
+        os.close(found)
         threading.Thread(target=self._await_end, daemon=True, name="child").start()
 
     def ask(self, request: bytes, timeout: float) -> bytes:

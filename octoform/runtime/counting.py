@@ -47,9 +47,9 @@ def seen(device: str) -> Stop | None:
     data = b""
     try:
         data = read(place, _SIZE, follow=False)
-        told = record(parse(data), FORMAT)
-        until = told["until"]
-        if told["device"] != device or not isinstance(until, str) or not until:
+        fields = record(parse(data), FORMAT)
+        until = fields["until"]
+        if fields["device"] != device or not isinstance(until, str) or not until:
             raise ValueError("it is of another device")
     except FileNotFoundError:
         return None
@@ -64,10 +64,10 @@ def put(device: str, until: str) -> str:
     if place is None:
         return "it was given no folder to keep the stop in"
     # Two stops are never the same bytes: the command that ends one must not end a later one.
-    told = {"format": FORMAT, "device": device, "until": until, "stop": os.urandom(8).hex()}
+    fields = {"format": FORMAT, "device": device, "until": until, "stop": os.urandom(8).hex()}
     try:
         with held_folder(place.parent):
-            replace(place, json.dumps(told).encode("ascii") + b"\n")
+            replace(place, json.dumps(fields).encode("ascii") + b"\n")
     except OSError as problem:
         return f"{place} cannot be written ({_reason(problem)})"
     return ""

@@ -109,19 +109,19 @@ class Exchange:
         values: dict[str, str] = {}
         end = time.monotonic() + wire.timeout
         for at, reply in enumerate(self._replies):
-            said = _next_line(port, end)
-            if not said:
-                told = f"ended its answer to {command!r} after {at} of {len(self._replies)} lines"
-                told = told if at else f"did not answer {command!r} within {wire.timeout:g} s; it may still do it"
-                raise DeviceFault(device, f"{device} {told}")
-            if refused := self._refused(said):
+            result = _next_line(port, end)
+            if not result:
+                text = f"ended its answer to {command!r} after {at} of {len(self._replies)} lines"
+                text = text if at else f"did not answer {command!r} within {wire.timeout:g} s; it may still do it"
+                raise DeviceFault(device, f"{device} {text}")
+            if refused := self._refused(result):
                 del _late[device]
                 raise DeviceFault(device, refused)
-            found = re.fullmatch(reply, said)
+            found = re.fullmatch(reply, result)
             if not found:  # behind any other line, such as an echo, the answer may still come
-                unknown = f"{device} answered {command!r} with {said!a}, which its protocol definition does not know"
+                unknown = f"{device} answered {command!r} with {result!a}, which its protocol definition does not know"
                 raise DeviceFault(device, unknown)
-            lines.append(said)
+            lines.append(result)
             values |= found.groupdict()
         del _late[device]
         return Answer(tuple(lines), values)
@@ -129,8 +129,8 @@ class Exchange:
     def _unanswered(self, port: Port) -> Answer:
         """Nothing is acknowledged; what refuses the command is told, where the grammar knows how that looks."""
         end = time.monotonic() + UNANSWERED
-        while self._wire.error and (said := _next_line(port, end)):
-            if refused := self._refused(said):
+        while self._wire.error and (found := _next_line(port, end)):
+            if refused := self._refused(found):
                 raise DeviceFault(self._device, refused)
         return Answer((), {})
 
@@ -140,15 +140,15 @@ class Exchange:
         lines: list[str] = []
         values: dict[str, str] = {}
         end = time.monotonic() + wire.timeout
-        said = _line(port, end)  # the rest of one that was under way
-        while said is not None:
-            said = _line(port, end)
-            found = said and re.fullmatch(self._replies[len(lines)], said)
-            if said and not found:
+        result = _line(port, end)  # the rest of one that was under way
+        while result is not None:
+            result = _line(port, end)
+            found = result and re.fullmatch(self._replies[len(lines)], result)
+            if result and not found:
                 lines, values = [], {}
-                found = re.fullmatch(self._replies[0], said)
-            if said and found:
-                lines, values = [*lines, said], {**values, **found.groupdict()}
+                found = re.fullmatch(self._replies[0], result)
+            if result and found:
+                lines, values = [*lines, result], {**values, **found.groupdict()}
                 if len(lines) == len(self._replies):
                     return Answer(tuple(lines), values)
         raise DeviceFault(
@@ -174,10 +174,10 @@ class Exchange:
 
 def _next_line(port: Port, end: float) -> str:
     """The next line that is not blank, bounded and without its end; "" when none is complete at that moment."""
-    said: str | None = ""
-    while said == "":
-        said = _line(port, end)
-    return said or ""
+    text: str | None = ""
+    while text == "":
+        text = _line(port, end)
+    return text or ""
 
 
 def _line(port: Port, end: float) -> str | None:

@@ -31,8 +31,8 @@ def sentences(node: str, seconds: float) -> Iterator[list[str]]:
                 raise DeviceFault(node, "the receiver went away")
             *lines, data = (data[-_BLOCK:] + part).split(b"\n")
             for line in lines:
-                body, _, told = line.strip().rpartition(b"$")[2].partition(b"*")
-                if told.upper() == b"%02X" % functools.reduce(operator.xor, body, 0):
+                body, _, found = line.strip().rpartition(b"$")[2].partition(b"*")
+                if found.upper() == b"%02X" % functools.reduce(operator.xor, body, 0):
                     yield body.decode("ascii", "replace").split(",")
     finally:
         os.close(descriptor)

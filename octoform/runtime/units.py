@@ -245,8 +245,8 @@ def _begun(bank: Bank, move: Move, speed: int | None, stops: int, talk: Talk) ->
         flags |= talk.write(field, value) if value is not None else 0
     for field, value in before:
         if field in limp and (found := talk.count(field)) != value:
-            told = f"{move.name} is not switched on: its {field} is {found} after {value} was written"
-            raise bank.fault(f"{told}; it was not moved")
+            text = f"{move.name} is not switched on: its {field} is {found} after {value} was written"
+            raise bank.fault(f"{text}; it was not moved")
     if flags:
         raise bank.fault(f"{move.name} reports a fault of its own (flags 0x{flags:02x}); it was not moved")
     unstopped(bank, stops)
@@ -274,8 +274,8 @@ def _late(bank: Bank, move: Move, talk: Talk) -> bool:
     move.position = held(bank, talk)
     move.under_way = False
     if not move.arrived and not move.failed(motion.moved):
-        told = f"{move.name} was stopped at {move.position} on its way to {move.goal}: {motion.within:g} s were over"
-        raise bank.fault(f"{told}; move it on with another call, or faster")
+        text = f"{move.name} was stopped at {move.position} on its way to {move.goal}: {motion.within:g} s were over"
+        raise bank.fault(f"{text}; move it on with another call, or faster")
     return True
 
 
@@ -286,8 +286,8 @@ def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
     why = f"{', '.join(limp)}, so something made it limp meanwhile" if limp else ""
     if move.failed(motion.moved):
         held(bank, talk)  # what blocks it may give way later, and nobody watches then
-        told = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
-        raise bank.fault(f"{told}; {why}" if why else told)
+        text = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
+        raise bank.fault(f"{text}; {why}" if why else text)
     if limp:
         raise bank.fault(f"{move.name} was at {move.position} on its way to {move.goal}: {why}")
     return True
@@ -318,8 +318,8 @@ class Units(Bank):
                 record = self.read(name, wanted)
             except UnitFault as problem:
                 silent.append(name)
-                told = {"skipped": self.told(problem), **dict.fromkeys(wanted), "calibrated": None}
-                record = self._blank(name, told)
+                document = {"skipped": self.told(problem), **dict.fromkeys(wanted), "calibrated": None}
+                record = self._blank(name, document)
             found.append({key: value for key, value in record.items() if key != "device"})
         if silent and len(silent) + len(self.map.disabled) == len(self.map.units):
             raise DeviceFault(self.device, f"{self.device}: no {self.map.unit} answers; is its own power supply on?")
@@ -384,8 +384,8 @@ class Units(Bank):
                 break
             found.append(record)
         if faults:
-            told = f"not everything is known to have stopped: {'; '.join(faults)}"
-            raise DeviceFault(self.device, f"{self.device}: {told}")
+            text = f"not everything is known to have stopped: {'; '.join(faults)}"
+            raise DeviceFault(self.device, f"{self.device}: {text}")
         return self._list(found)
 
     def _limp(self, name: str) -> None:
@@ -403,8 +403,8 @@ class Units(Bank):
     def _told_of(self, name: str, goal: int, move: Move | None, skipped: str | None) -> Record:
         start, position = (move.start, move.position) if move else (None, None)
         moved = move.moved(motion_of(self).moved) if move else False
-        told = {"from": start, "goal": goal, "position": position, "moved": moved, "skipped": skipped}
-        return {self.map.unit: name, **told}
+        fields = {"from": start, "goal": goal, "position": position, "moved": moved, "skipped": skipped}
+        return {self.map.unit: name, **fields}
 
     def _blank(self, name: str, members: Record) -> Record:
         skipped = self.map.disabled.get(name)

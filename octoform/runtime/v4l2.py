@@ -57,9 +57,9 @@ def control(node: str, number: int) -> tuple[int, int, int]:
     """(lowest, highest, present) value of a control of a node or of a part of a camera; OSError where it has none."""
     request, size = _QUERY_CTRL
     with Path(node).open("rb", 0) as part:
-        told = fcntl.ioctl(part, request, struct.pack("=I", number).ljust(size, b"\0"))
+        found = fcntl.ioctl(part, request, struct.pack("=I", number).ljust(size, b"\0"))
         _, value = struct.unpack("=Ii", fcntl.ioctl(part, _GET_CTRL, struct.pack("=Ii", number, 0)))
-    low, high = struct.unpack_from("=40x2i", told)
+    low, high = struct.unpack_from("=40x2i", found)
     return low, high, value
 
 

@@ -131,8 +131,8 @@ def refused(nodes: Iterable[tuple[str, str]], who: Account | None = None) -> lis
         if status is None:
             continue
         node = Node(_on_host(path), kind, stat.S_IMODE(status.st_mode), status.st_gid, _group(status.st_gid))
-        told = {"node": node.path, "mode": f"{node.mode:04o}", "group": node.group, "lacks": WORDS[lacks]}
-        found.append({**told, "remedy": remedy(node, who or account())})
+        fields = {"node": node.path, "mode": f"{node.mode:04o}", "group": node.group, "lacks": WORDS[lacks]}
+        found.append({**fields, "remedy": remedy(node, who or account())})
     return found
 
 

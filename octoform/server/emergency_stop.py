@@ -316,8 +316,8 @@ def _write(descriptor: int, data: bytes, deadline: float) -> None:
     ready.register(descriptor, select.POLLOUT)
     left = memoryview(data)
     while left:
-        told = ready.poll(max(0.0, deadline - time.monotonic()) * 1000)
-        if told and not told[0][1] & select.POLLOUT:
+        found = ready.poll(max(0.0, deadline - time.monotonic()) * 1000)
+        if found and not found[0][1] & select.POLLOUT:
             raise OSError(errno.EIO, "the device went away")
         if time.monotonic() >= deadline:
             raise TimeoutError(

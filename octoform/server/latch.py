@@ -110,8 +110,8 @@ class Latch:
     def _create(self, estop: Estop) -> None:
         """Appears whole or not at all, and never replaces another; empty where the disk has no room for words."""
         temporary = self.path.with_name(f".{self.path.name}.{os.urandom(6).hex()}")
-        told = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
-        words = json.dumps(told).encode("ascii")
+        fields = {"format": 1, "by": estop.by, "reason": estop.reason, "since": estop.since}
+        words = json.dumps(fields).encode("ascii")
         try:
             files.create(temporary, words, synced=False)
             files.publish_new(temporary, self.path)

@@ -211,18 +211,18 @@ class Restrictions:
 
     def _instead(self) -> tuple[Entry, ...]:
         """What holds without the file: what the ledger states, else what only a person ends."""
-        told = self._ledger()
-        if told is None or (self._read_before and NOBODY_KNOWS in told):
+        found = self._ledger()
+        if found is None or (self._read_before and NOBODY_KNOWS in found):
             return tuple(entry for entry in self._entries if entry.expires is None)
         latest = self._clock() + LONGEST
-        return tuple(entry for entry in told if entry.expires is None or entry.expires <= latest)
+        return tuple(entry for entry in found if entry.expires is None or entry.expires <= latest)
 
     def _wrong(self, why: str) -> None:
         self._entries = self._instead()
         kept = "only the permanent restrictions from before hold" if self._entries else "nothing is restricted by it"
         if NOBODY_KNOWS in self._entries:
             kept = "nothing moves, since the ledger of claims cannot be read either"
-        elif (told := self._ledger()) is not None and NOBODY_KNOWS not in told:
+        elif (found := self._ledger()) is not None and NOBODY_KNOWS not in found:
             kept = "the ledger of claims is in force"
         text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:

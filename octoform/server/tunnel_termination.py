@@ -155,8 +155,8 @@ def answers(url: str, instance: str) -> bool:
         answer = connection.getresponse()
         if answer.getheader(INSTANCE_HEADER) == instance:
             return True
-        told = parse(answer.read(_MOST_BYTES))
-        return isinstance(told, dict) and told.get("instance") == instance
+        fields = parse(answer.read(_MOST_BYTES))
+        return isinstance(fields, dict) and fields.get("instance") == instance
     except (OSError, http.client.HTTPException, ValueError):
         return False
     finally:

@@ -136,13 +136,13 @@ class Endpoint:
 
         Empty, or which door ended before.
         """
-        told = asyncio.create_task(stopping.wait())
-        waited: set[asyncio.Future[Any]] = {told, *doors}
+        found = asyncio.create_task(stopping.wait())
+        waited: set[asyncio.Future[Any]] = {found, *doors}
         try:
             while self._owner.is_recorded():
                 self._gate.restrictions.in_force()  # so that what ends is on the log though nobody calls
                 done, _ = await asyncio.wait(waited, timeout=LOOK_SECONDS, return_when=asyncio.FIRST_COMPLETED)
-                if told in done:
+                if found in done:
                     return ""
                 if self._clients.lost:
                     return "the door of local clients lost its socket"
@@ -150,7 +150,7 @@ class Endpoint:
                     name = door.get_name() if isinstance(door, asyncio.Task) else "control"
                     return f"the door {name} ended: {door.exception()!r}"
         finally:
-            told.cancel()
+            found.cancel()
         say("the record of this process is gone, so it ends")
         return ""
 

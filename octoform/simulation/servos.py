@@ -206,9 +206,9 @@ class ServoBus:
 
 def _served(servo: Servo, one: Packet) -> bytes:
     """One servo's answer to one instruction; nothing for one that it does not know."""
-    error, told = servo.errors, b""
+    error, found = servo.errors, b""
     if one.instruction == packets.READ and len(one.parameters) == 2:
-        told = servo.read(*one.parameters)
+        found = servo.read(*one.parameters)
     elif one.instruction == packets.WRITE and len(one.parameters) > 1:
         number = servo.number
         error = servo.write(one.parameters[0], one.parameters[1:])
@@ -219,7 +219,7 @@ def _served(servo: Servo, one: Packet) -> bytes:
         servo.act()
     elif one.instruction != packets.PING:
         return b""
-    return _spoilt(servo, packet(servo.number, error, told))
+    return _spoilt(servo, packet(servo.number, error, found))
 
 
 def _spoilt(servo: Servo, answer: bytes) -> bytes:

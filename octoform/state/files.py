@@ -100,8 +100,8 @@ def unreadable(problem: OSError, path: Path) -> Diagnostic:
 
 def reason_of(problem: OSError) -> str:
     """The operating system's words, but for those that do not say what to look for."""
-    number, said = problem.errno or 0, problem.strerror or str(problem)
-    return IN_THE_WAY.get(number, said) if said == os.strerror(number) else said
+    number, found = problem.errno or 0, problem.strerror or str(problem)
+    return IN_THE_WAY.get(number, found) if found == os.strerror(number) else found
 
 
 def refused(problem: OSError, path: Path) -> Diagnostic:

@@ -153,14 +153,14 @@ class RunHuman:
         elif event.elapsed - self._running.last_pulse >= PULSE_SECONDS:
             self._running.last_pulse = event.elapsed
             used = f", {self._running.spent}" if self._running.spent else ""
-            said = f": {one_line(event.text, self._console.width - INDENT)}" if event.text else ""
-            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{said}")
+            text = f": {one_line(event.text, self._console.width - INDENT)}" if event.text else ""
+            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{text}")
 
     def _acted(self, event: events.AgentActed) -> None:
         """One line for each use of a tool, as it happens."""
         self._running.last_pulse = event.elapsed
-        said = one_line(f"{event.tool}  {event.text}", self._console.width - INDENT)
-        self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {said}", "dim"))
+        text = one_line(f"{event.tool}  {event.text}", self._console.width - INDENT)
+        self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {text}", "dim"))
         self._move(f"{event.tool} {event.text}")
 
     def _move(self, said: str) -> None:
@@ -189,11 +189,11 @@ class RunHuman:
 
     def _attempt_failed(self, event: events.AttemptFailed) -> None:
         self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
-        told: dict[str, list[str]] = {}
+        document: dict[str, list[str]] = {}
         for item in event.diagnostics:
             if item.severity == "error" or item.code == STAYS:
-                told.setdefault(f"{item.code}: {item.summary}", []).extend([item.path] if item.path else [])
-        for text, paths in told.items():
+                document.setdefault(f"{item.code}: {item.summary}", []).extend([item.path] if item.path else [])
+        for text, paths in document.items():
             more = [f"and {len(paths) - MAX_PATHS} more, which `octoform attempts show` lists"]
             where = [f"--> {path}" for path in paths[:MAX_PATHS]] + (more if len(paths) > MAX_PATHS else [])
             for line in (text, *where):

@@ -48,10 +48,10 @@ def listing(console: Console, attempts: Sequence[Attempt], *, everything: bool, 
         console.line("No agent has been started yet. Next:  octoform apply")
         return 0
     rows = [_row(item) for item in chosen]
-    head, *told = lines(COLUMNS, rows, console.width)
+    head, *found = lines(COLUMNS, rows, console.width)
     console.line(console.paint(head, "dim"))
-    painted = map(partial(_painted, console), chosen, told)
-    for line in painted if len(told) == len(chosen) else told:
+    painted = map(partial(_painted, console), chosen, found)
+    for line in painted if len(found) == len(chosen) else found:
         console.line(line)
     older = len(attempts) - len(chosen)
     if older:
@@ -81,11 +81,11 @@ def recorded(console: Console, made: Recorded, *, as_json: bool) -> int:
 
 
 def _row(item: Attempt) -> tuple[str, ...]:
-    told, usage = item.told, item.told.usage
-    stage = item.stage if told.role == "stage" else f"{item.stage} ({told.role})"
-    turns = UNKNOWN if told.turns is None else str(told.turns)
+    found, usage = item.told, item.told.usage
+    stage = item.stage if found.role == "stage" else f"{item.stage} ({found.role})"
+    turns = UNKNOWN if found.turns is None else str(found.turns)
     cost = UNKNOWN if usage.cost_usd is None else money(usage.cost_usd)
-    figures = (f"{told.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
+    figures = (f"{found.seconds:.1f}s", turns, _tokens(usage.input_tokens, usage.output_tokens), cost)
     cells = (str(item.number), stage, str(item.attempt), _agent(item), _ended(item), *figures, _when(item))
     return tuple(one_line(cell, 48) for cell in cells)
 
@@ -97,8 +97,8 @@ def _painted(console: Console, item: Attempt, line: str) -> str:
 
 
 def _agent(item: Attempt) -> str:
-    told = item.told
-    return f"{told.harness}, {told.model}" if told.model else told.harness or UNKNOWN
+    found = item.told
+    return f"{found.harness}, {found.model}" if found.model else found.harness or UNKNOWN
 
 
 def _ended(item: Attempt) -> str:
@@ -120,18 +120,18 @@ def _tokens(given: int | None, made: int | None) -> str:
 
 
 def _told(console: Console, detail: Detail) -> Iterator[str]:
-    item, record, told = detail.attempt, detail.attempt.record, detail.attempt.told
+    item, record, found = detail.attempt, detail.attempt.record, detail.attempt.told
     reuse = record is not None and record.role == REUSE
     head = f"attempt {item.number}  {item.stage}, {'reuse' if reuse else f'try {item.attempt}'}  {_ended(item)}"
     yield console.paint(one_line(head, WIDTH), "bold")
     yield f"  began      {one_line(_when(item), WIDTH)}"
     if reuse:
-        yield f"  reused     {one_line(told.detail, WIDTH)}; no agent ran"
+        yield f"  reused     {one_line(found.detail, WIDTH)}; no agent ran"
     else:
-        yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(told.program)}"
+        yield f"  agent      {one_line(_agent(item), WIDTH)}{_program(found.program)}"
         yield f"  run        {one_line(_run(item), WIDTH)}"
-        if told.detail:
-            yield f"             {one_line(told.detail, WIDTH)}"
+        if found.detail:
+            yield f"             {one_line(found.detail, WIDTH)}"
         yield f"  used       {_used(item)}"
     for name, size in detail.sizes.items():
         if size is not None:
@@ -148,10 +148,10 @@ def _told(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _run(item: Attempt) -> str:
-    told = item.told
-    turns = "" if told.turns is None else f", {_counted(told.turns, 'turn')}"
-    status = "" if told.exit_status is None else f", exit status {told.exit_status}"
-    return f"{told.reason} {'for' if item.state == RUNNING else 'after'} {told.seconds:.1f} s{status}{turns}"
+    found = item.told
+    turns = "" if found.turns is None else f", {_counted(found.turns, 'turn')}"
+    status = "" if found.exit_status is None else f", exit status {found.exit_status}"
+    return f"{found.reason} {'for' if item.state == RUNNING else 'after'} {found.seconds:.1f} s{status}{turns}"
 
 
 def _used(item: Attempt) -> str:
@@ -208,9 +208,9 @@ def _spec(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _document(item: Attempt) -> dict[str, Any]:
-    told = item.told.model_dump(mode="json")
+    fields = item.told.model_dump(mode="json")
     known = {"number": item.number, "stage": item.stage, "attempt": item.attempt, "state": item.state}
-    return {**told, **known, "started_at": item.began, "folder": str(item.folder)}
+    return {**fields, **known, "started_at": item.began, "folder": str(item.folder)}
 
 
 def _more(detail: Detail) -> dict[str, Any]:

@@ -82,20 +82,20 @@ def _share(share: Share | None) -> dict[str, object] | None:
 
 
 def _device(item: Device) -> dict[str, object]:
-    told = asdict(item)
-    told["class"] = told.pop("kind")
-    return {name: None if value == "" else value for name, value in told.items()}
+    fields = asdict(item)
+    fields["class"] = fields.pop("kind")
+    return {name: None if value == "" else value for name, value in fields.items()}
 
 
 def _stability(found: Stability | None) -> dict[str, object] | None:
     if found is None:
         return None
-    told = asdict(found)
-    told["agents"] = [{"agent": name, "runs": count} for name, count in found.agents]
-    told["core"] = [item._asdict() for item in found.core]
-    for item, source in zip(told["disagreements"], found.disagreements, strict=True):
+    fields = asdict(found)
+    fields["agents"] = [{"agent": name, "runs": count} for name, count in found.agents]
+    fields["core"] = [item._asdict() for item in found.core]
+    for item, source in zip(fields["disagreements"], found.disagreements, strict=True):
         item["said"] = [{"text": text, "runs": count} for text, count in source.said]
-    return told
+    return fields
 
 
 def _can_show(console: Console, text: str) -> bool:
@@ -154,8 +154,8 @@ def _groups(found: Coverage, width: int) -> Iterator[str]:
     """How many of each category and class have tools; a class of which all have is told by its number alone."""
     for name, groups in (("by category", found.categories), ("by class", found.kinds)):
         if groups and found.funnel.with_tools is not None:
-            told = ", ".join(f"{group.name} {words.part(group)}" for group in groups)
-            first, *rest = textwrap.wrap(one_line(told, 2000), width - 15, break_on_hyphens=False)
+            text = ", ".join(f"{group.name} {words.part(group)}" for group in groups)
+            first, *rest = textwrap.wrap(one_line(text, 2000), width - 15, break_on_hyphens=False)
             yield f"  {name:<11}  {first}"
             yield from (" " * 15 + line for line in rest)
 
@@ -258,8 +258,8 @@ def _brief(item: Device, width: int, colour: Callable[[str], str]) -> Iterator[s
 
 
 def _why(item: Device) -> str:
-    told = words.reason(item.reason)
-    return f"{told} ({item.detail})" if item.detail else told
+    found = words.reason(item.reason)
+    return f"{found} ({item.detail})" if item.detail else found
 
 
 def _left_out(found: Coverage, width: int, paint: Paint, everything: bool) -> Iterator[str]:
@@ -269,8 +269,8 @@ def _left_out(found: Coverage, width: int, paint: Paint, everything: bool) -> It
     yield from _head(f"skipped ({sum(map(len, groups.values()))})", paint)
     for code, devices in groups.items():
         counts = "; eligible" if devices[0].counted is Counted.ONBOARDABLE else ""
-        told = f"{words.reason(code)} ({one_line(code, 40)}{counts})"
-        first, *rest = textwrap.wrap(told, width - 8, break_on_hyphens=False)
+        text = f"{words.reason(code)} ({one_line(code, 40)}{counts})"
+        first, *rest = textwrap.wrap(text, width - 8, break_on_hyphens=False)
         yield f"  {len(devices):>4}  {first}"
         yield from (" " * 8 + line for line in rest)
         if everything or code == OFFERED:

@@ -77,9 +77,9 @@ def reason(code: str) -> str:
 
 def platform(report: CoverageReport) -> str:
     """``debian 12, x86_64``."""
-    told = report.platform
-    system = " ".join(word for word in (told.get("os_id") or told.get("os", ""), told.get("os_version", "")) if word)
-    return ", ".join(word for word in (system, told.get("arch", "")) if word not in ("", "unknown"))
+    found = report.platform
+    system = " ".join(word for word in (found.get("os_id") or found.get("os", ""), found.get("os_version", "")) if word)
+    return ", ".join(word for word in (system, found.get("arch", "")) if word not in ("", "unknown"))
 
 
 def percent(share: Share) -> str:

@@ -90,5 +90,5 @@ def _document(found: Listing, verbose: bool) -> dict[str, Any]:
         devices.append(whole)
     left = [asdict(item) for item in found.left_out]
     offers = [asdict(item) for item in found.offers]
-    told = {"format": 1, "host": found.host, "ledger": found.ledger}
-    return {**told, "devices": devices, "left_out": left, "offers": offers}
+    fields = {"format": 1, "host": found.host, "ledger": found.ledger}
+    return {**fields, "devices": devices, "left_out": left, "offers": offers}

@@ -90,5 +90,5 @@ def show_installation(console: Console, result: InstallResult, *, as_json: bool)
 def _line(console: Console, item: Installed) -> str:
     if item.state == "nothing":
         return f"{item.harness}: nothing to install, {item.detail}"
-    said = console.paint("installed", "green") if item.state == "installed" else "installed already"
-    return f"{item.harness} {item.version}: {said}, {item.detail}"
+    text = console.paint("installed", "green") if item.state == "installed" else "installed already"
+    return f"{item.harness} {item.version}: {text}, {item.detail}"

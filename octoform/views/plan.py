@@ -31,8 +31,10 @@ def show(plan: Plan, console: Console) -> None:
     for device in plan.devices:
         if device.tier > 1:
             console.line(f"  {device.device} ({_told(device)})")
-    told = {(device.profile, device.device) for device in plan.devices}
-    uses = [item for item in plan.profiles if item.action is not Action.NOOP or (item.profile, item.device) not in told]
+    names = {(device.profile, device.device) for device in plan.devices}
+    uses = [
+        item for item in plan.profiles if item.action is not Action.NOOP or (item.profile, item.device) not in names
+    ]
     if uses or plan.near:
         console.line("\nProfiles:")
     for action, profile, devices in _uses(uses):
@@ -65,8 +67,8 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
         console.line(f"        {one_line(question.sentence, 2 * WIDTH)}")
     console.line(console.paint(f'  To answer:  octoform answer {questions[0].device} "..."', "dim"))
     # A name makes no tool of what only a line of its own commands can move: that needs limits and a way to stop.
-    told = f"  What acts over a line needs a profile:  octoform profile new {questions[0].device}"
-    console.line(console.paint(told, "dim"))
+    text = f"  What acts over a line needs a profile:  octoform profile new {questions[0].device}"
+    console.line(console.paint(text, "dim"))
 
 
 def _counted(devices: Sequence[ToldDevice]) -> str:

@@ -199,9 +199,9 @@ def reasons(plan: Plan, item: PlannedAction) -> list[str]:
     """Why a node is worked on, one line a reason; what it waits for is one line in all."""
     if plan.operation == "destroy":
         return []
-    told = [_reason(plan, item, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
+    items = [_reason(plan, item, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
     waits = [(one.part or "").removeprefix("input.") for one in item.reasons if one.cause is Cause.UPSTREAM]
-    return [*told, f"only if the output of {listed(waits, 'or')} comes out different"] if waits else told
+    return [*items, f"only if the output of {listed(waits, 'or')} comes out different"] if waits else items
 
 
 def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
@@ -251,8 +251,8 @@ def _moved(plan: Plan) -> str:
     """How much of the hardware came and went, as far as it is known."""
     found = [line.action for line in lines(plan.changes)]
     words = ((Action.CREATE, "appeared"), (Action.DESTROY, "gone"), (Action.UPDATE, "counted differently"))
-    told = [f"{found.count(action)} {word}" for action, word in words if action in found]
-    return f"{', '.join(told)} (listed below)" if told else "what the kernel announces has changed"
+    items = [f"{found.count(action)} {word}" for action, word in words if action in found]
+    return f"{', '.join(items)} (listed below)" if items else "what the kernel announces has changed"
 
 
 def _is_digest(value: str | None) -> bool:

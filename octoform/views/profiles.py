@@ -73,8 +73,8 @@ def _tools(grammar: Grammar) -> Iterator[str]:
         values = ", ".join(
             item.name if item.choices and item.name == unit else _value(item) for item in tool.parameters
         )
-        said, returns = f" ({values})" if values else "", f" -> {fields}" if fields else ""
-        yield f"{tool.tool}{said}{returns}  {tool.effect}, {does or tool.do}"
+        found, returns = f" ({values})" if values else "", f" -> {fields}" if fields else ""
+        yield f"{tool.tool}{found}{returns}  {tool.effect}, {does or tool.do}"
 
 
 def _does(command: Command) -> str:

@@ -70,11 +70,11 @@ def ask(console: Console, question: OpenQuestion | None, device: str) -> str:
     console.out.write("  Answer in one sentence, or press Enter to pass over: ")
     console.out.flush()
     try:
-        said = input() if sys.stdin is not None else ""
+        text = input() if sys.stdin is not None else ""
     except (EOFError, UnicodeDecodeError):
         console.line()
         return ""
-    return said.strip()
+    return text.strip()
 
 
 class AskingHuman(RunHuman):

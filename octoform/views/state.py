@@ -134,8 +134,8 @@ def _node(console: Console, name: str, state: NodeState) -> None:
     for part, value in parts:
         say(f"    {part:<{wide}} {value}")
     known = {"contract", *TOLD}
-    said = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
-    rows = [("" if number else key, row) for key, value in said.items() for number, row in enumerate(_rows(value))]
+    fields = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
+    rows = [("" if number else key, row) for key, value in fields.items() for number, row in enumerate(_rows(value))]
     for key, row in rows[:MOST]:
         say(f"  {_line(key):<9} {_line(row)}")
 

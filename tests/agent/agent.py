@@ -235,8 +235,8 @@ def act(behaviour: dict[str, Any], stage: str, output: Path) -> None:
 
 def name_of(task: dict[str, Any]) -> str:
     """``STAGE:told`` is a stage whose output a later one found at fault."""
-    told = "it was found at fault when it was used" in Path("prompt.md").read_text()
-    return f"{task['stage']}:told" if told else str(task["stage"])
+    is_known = "it was found at fault when it was used" in Path("prompt.md").read_text()
+    return f"{task['stage']}:told" if is_known else str(task["stage"])
 
 
 def main() -> None:

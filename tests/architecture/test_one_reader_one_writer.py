@@ -70,10 +70,10 @@ def is_plain(call: ast.Call, owner: str, name: str) -> bool:
 
 def flags(tree: ast.AST, call: ast.Call) -> str:
     """The flags of an `os.open`, with those of the names in them."""
-    said = " ".join(ast.unparse(word) for word in call.args)
+    text = " ".join(ast.unparse(word) for word in call.args)
     assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
-    named = [node.value for node in assigned if any(ast.unparse(target) in said.split() for target in node.targets)]
-    return " ".join((said, *map(ast.unparse, named)))
+    named = [node.value for node in assigned if any(ast.unparse(target) in text.split() for target in node.targets)]
+    return " ".join((text, *map(ast.unparse, named)))
 
 
 def waits(tree: ast.AST) -> list[str]:

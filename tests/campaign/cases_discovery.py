@@ -69,16 +69,16 @@ def kept(bench: Bench) -> list[str]:
     session, lasting, schemas, trials = bench.session
     now, found = _declared(bench), []
     try:
-        told = session.tools()
+        result = session.tools()
     except Exception as problem:  # noqa: BLE001 - whatever its session ends with, it was dropped
         return [f"the connected client was dropped: {type(problem).__name__}: {problem}"]
     for name, tool in lasting.items():
-        if name not in told:
+        if name not in result:
             found.append(f"the tool {name} is gone although its device is there")
-        elif now.get(name) == tool and told[name] != schemas[name]:
+        elif now.get(name) == tool and result[name] != schemas[name]:
             found.append(f"the tool {name} has another schema although nothing of it changed")
     for (name, device), worked in trials.items():
-        if worked and not session.works(name, _arguments(told.get(name, {}), device)):
+        if worked and not session.works(name, _arguments(result.get(name, {}), device)):
             found.append(f"{name} of {device} worked before and does not now")
     return found
 

@@ -116,9 +116,9 @@ def _quiet(case: Case, bench: Bench, result: Result, known: set[str]) -> None:
 
 def _unsaid(result: Result, starts: int, attempts: int) -> None:
     """What was done and stands in no episode."""
-    told = result.repairs.count(Repair.RESTART)
-    if starts > told:
-        result.wrong.append(f"{starts} starts, and {told} of them in episodes")
+    found = result.repairs.count(Repair.RESTART)
+    if starts > found:
+        result.wrong.append(f"{starts} starts, and {found} of them in episodes")
     if attempts > result.calls:
         result.wrong.append(f"{attempts} runs of agents, and {result.calls} of them in episodes")
 

@@ -227,7 +227,7 @@ class Subject:
             printed = (self.project.local / "log/server.log").read_bytes()
             new = printed[before[1] :] if inode == before[0] and size >= before[1] else printed
             case.wrong += [
-                f"the endpoint printed: {told}" for told in bare_tracebacks(new.decode(errors="replace"))[:1]
+                f"the endpoint printed: {text}" for text in bare_tracebacks(new.decode(errors="replace"))[:1]
             ]
 
     def _is_known(self, case: Case) -> bool:

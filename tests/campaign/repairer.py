@@ -31,8 +31,8 @@ def cited(report: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     for error in report.get("errors", ()):
         if isinstance(error, dict):
             error.setdefault("cites", ids[:1])
-    for told in report.get("declarations", ()):
-        told.setdefault("cites", ids[:1])
+    for text in report.get("declarations", ()):
+        text.setdefault("cites", ids[:1])
     return report
 
 

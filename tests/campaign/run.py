@@ -133,8 +133,8 @@ def main() -> int:
     parser.add_argument("--into", type=Path, help="the page that gets the table")
     given = parser.parse_args()
     if given.told:
-        told = [Result(**each) for path in given.told for each in json.loads(path.read_text())]
-        return shown(told, given.into)
+        lines = [Result(**each) for path in given.told for each in json.loads(path.read_text())]
+        return shown(lines, given.into)
     part, parts = map(int, given.share.split("/"))
     cases = chosen(given.only)[part - 1 :: parts]
     with tempfile.TemporaryDirectory(prefix="octoform-faults-") as folder:

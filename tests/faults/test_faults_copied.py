@@ -131,9 +131,9 @@ def attack_by_commands(applied: Project, copy: Project, commands: Sequence[tuple
 def test_a_copy_says_whose_endpoint_it_holds_and_gets_its_own_by_apply(applied: Project, copy: Project) -> None:
     before = pid(applied)
     for words in (("tools",), ("call", "read_temperature")):
-        told = copy.run(*words, status=1).err
-        assert "ENDPOINT-ELSEWHERE" in told and f"octoform -chdir={applied.folder}" in told
-        assert "octoform start" in told
+        found = copy.run(*words, status=1).err
+        assert "ENDPOINT-ELSEWHERE" in found and f"octoform -chdir={applied.folder}" in found
+        assert "octoform start" in found
     stopped = copy.run("estop", status=1).text
     assert f"octoform -chdir={applied.folder}" in stopped
     assert str(applied.folder) in copy.run("plan").out
@@ -168,8 +168,8 @@ def test_a_start_makes_the_copy_an_endpoint_of_its_own(applied: Project, copy: P
 def attack_by_start(applied: Project, copy: Project, command: str = "start") -> None:
     before, runs = pid(applied), len(applied.agent_runs())
     made = (applied.local / "endpoint" / "connection.json").read_bytes()
-    said = copy.run(command, status=0)
-    assert "the endpoint runs" in said.out and str(before) not in said.text
+    found = copy.run(command, status=0)
+    assert "the endpoint runs" in found.out and str(before) not in found.text
     mine = pid(copy)
     assert mine is not None and mine != before == pid(applied)
     own(copy)
@@ -184,8 +184,8 @@ def attack_by_start(applied: Project, copy: Project, command: str = "start") -> 
 def test_what_was_edited_in_a_copy_does_not_come_into_service_by_a_start(applied: Project, copy: Project) -> None:
     copy.manifest = {"policy": "{read: deny}"}
     copy.write()
-    told = copy.run("start", status=1).err
-    assert "ENDPOINT-ELSEWHERE" in told and "edited since it was applied" in told, told
+    found = copy.run("start", status=1).err
+    assert "ENDPOINT-ELSEWHERE" in found and "edited since it was applied" in found, found
     assert pid(copy) is None and pid(applied) is not None
 
 
@@ -248,8 +248,8 @@ def test_a_machine_that_gets_another_id_keeps_what_it_has_started(applied: Proje
     if subprocess.run([*later.prefix, "true"], capture_output=True, check=False).returncode != 0:
         pytest.skip("this container mounts nothing")
     before = pid(applied)
-    told = later.run("status").out
-    assert f"process {before} since" in told and "not running" not in told, told
+    found = later.run("status").out
+    assert f"process {before} since" in found and "not running" not in found, found
     assert later.run("call", "read_temperature").status == 0
     assert f"process {before}" in later.run("stop", status=0).out
     assert pid(applied) is None
@@ -348,8 +348,8 @@ def test_a_client_that_leads_to_the_original_is_not_turned_or_taken_away_in_a_co
         before = (home / ".cursor" / "mcp.json").read_bytes()
         assert os.fsencode(applied.folder) in before
         for words in (("install", "cursor"), ("remove", "cursor")):
-            told = copy.run("clients", *words)
-            assert str(applied.folder) in told.text, told.text
+            found = copy.run("clients", *words)
+            assert str(applied.folder) in found.text, found.text
             assert (home / ".cursor" / "mcp.json").read_bytes() == before
         assert "CLIENT-ENTRY-LEFT" not in copy.run("destroy", "-auto-approve").text
         assert (home / ".cursor" / "mcp.json").read_bytes() == before
@@ -360,8 +360,8 @@ def test_a_client_that_leads_to_the_original_is_not_turned_or_taken_away_in_a_co
 def test_a_service_of_a_copy_would_not_be_the_originals(applied: Project, copy: Project) -> None:
     home = copy.folder.parent
     copy.environ = {**copy.environ, "HOME": str(home), "XDG_CONFIG_HOME": str(home / "config")}
-    told = copy.run("service", "install", "-user", "-auto-approve", status=1)
-    assert "ENDPOINT-ELSEWHERE" in told.err and "octoform start" in told.err
+    found = copy.run("service", "install", "-user", "-auto-approve", status=1)
+    assert "ENDPOINT-ELSEWHERE" in found.err and "octoform start" in found.err
     assert not (home / "config").exists()
     copy.run("service", "uninstall", "-user", "-auto-approve")
     assert pid(applied) is not None

@@ -101,8 +101,8 @@ class Bench:
 
     def duty(self, duty: str, *behaviours: object, **budget: object) -> None:
         """The duty's agent does so at each attempt."""
-        told = json.dumps({"attempts": len(behaviours), **budget})
-        self.project.manifest["stages"] = f"{{{duty}: {{budget: {told}}}}}"
+        found = json.dumps({"attempts": len(behaviours), **budget})
+        self.project.manifest["stages"] = f"{{{duty}: {{budget: {found}}}}}"
         self.project.script[duty] = list(behaviours)
         self.project.write()
 
@@ -269,10 +269,10 @@ REFUSED: dict[str, tuple[list[list[str]], dict[str, Any], str]] = {
 
 def test_f15_f16_a_repair_that_goes_too_far_changes_nothing(bench: Bench) -> None:
     pid = bench.process
-    told: list[dict[str, Any]] = [
+    lines: list[dict[str, Any]] = [
         {"rewrite": changes, "report": {**REPAIR, **more}} for changes, more, _ in REFUSED.values()
     ]
-    bench.duty("heal", *told)
+    bench.duty("heal", *lines)
     result = bench.heal()
     assert (result["ok"], result["changed"], result["spent"]["calls"]) == (False, False, len(REFUSED))
     found = dict(zip(REFUSED, bench.refusals("heal", len(REFUSED)), strict=True))
@@ -372,8 +372,8 @@ def test_a_repair_that_is_ended_during_its_trial_leaves_the_accepted_server_in_s
     assert done.status == (-9 if number is signal.SIGKILL else 1), done.err
     if number is signal.SIGKILL:
         assert is_left(bench.layout) and bench.works(), "the candidate serves"
-        told = settle(bench.layout, bench.project.environment())
-        assert told is not None and told["ok"], told
+        found = settle(bench.layout, bench.project.environment())
+        assert found is not None and found["ok"], found
     assert not is_left(bench.layout) and not bench.layout.lock.exists()
     assert bench.server == BROKEN and bench.process and not bench.works() and bench.in_sync()
 

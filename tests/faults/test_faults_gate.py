@@ -50,12 +50,12 @@ def test_is_refused_by_name_and_the_run_stops(project: Project, stage: str) -> N
     project.script = {stage: [behaviour for behaviour, _ in refusals.values()]}
     project.manifest = {"budget": f"{{attempts: {len(refusals)}}}"}
     done = project.apply("-target", "interface", status=1)
-    told = [
+    lines = [
         {item["code"] for item in event["diagnostics"]}
         for event in done.events()
         if event["type"] == "attempt_errored" and event["node"] == stage
     ]
-    found = dict(zip(refusals, told, strict=True))
+    found = dict(zip(refusals, lines, strict=True))
     assert {name: codes for name, codes in found.items() if refusals[name][1] not in codes} == {}
     assert not (project.state / stage).exists()
     assert [run["stage"] for run in project.agent_runs()][-1] == stage

@@ -381,8 +381,8 @@ def test_what_is_done_alone_is_told_undone_or_left_to_a_person(attacked: Attacke
 
     record = json.loads((project.attempts("probe")[-1] / "attempt.json").read_text())
     outside = [item for item in record["diagnostics"] if item["code"] == "APPLY-OUTSIDE-WRITE"]
-    [told] = [item for item in outside if "HEAD" in item["summary"]]
-    assert told["severity"] == "warning"
+    [found] = [item for item in outside if "HEAD" in item["summary"]]
+    assert found["severity"] == "warning"
     log = subprocess.run(["git", "-C", str(project.folder), "log", "--format=%s"], capture_output=True, text=True)
     assert log.stdout == "theirs\n"
     assert not attacked.mark.exists()
@@ -488,8 +488,8 @@ def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents_and_a_plan
     project.script = {"probe": [{"shell": planting}, "good"]}
     project.apply("-replace", "probe", "-target", "probe", status=0)
     named = {str(path.resolve().parent / path.name) for path in places[:-1]}
-    told = {str(project.folder / name) for name in refused_paths(attacked, -2)}
-    assert told >= {os.path.normpath(path) for path in places}, named
+    names = {str(project.folder / name) for name in refused_paths(attacked, -2)}
+    assert names >= {os.path.normpath(path) for path in places}, named
     assert [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places] == before
 
     # What comes there otherwise is told by a plan, and gone with the next apply.
@@ -533,8 +533,8 @@ def test_a_link_in_the_attempts_folder_leads_octoform_nowhere_and_what_a_server_
     for attempt, place in enumerate(("undone", "undone/protocol")):
         assert (project.attempts("probe")[attempt] / LINKED[place][1]).read_text() == "planted\n", place
     assert not plant.exists()
-    told = (project.attempts("serve")[0] / "attempt.json").read_text()
-    assert "APPLY-OUTSIDE-WRITE" in told or "SERVE-" in told
+    found = (project.attempts("serve")[0] / "attempt.json").read_text()
+    assert "APPLY-OUTSIDE-WRITE" in found or "SERVE-" in found
 
 
 @pytest.mark.parametrize("upgraded", [False, True], ids=["by its agent alone", "while it is brought up to date"])

@@ -150,11 +150,11 @@ def test_calls_that_lead_around_files_are_refused_by_the_kernel(host: Host) -> N
     for name, flag in (("files", 0x20000), ("users", 0x10000000), ("processes", 0x20000000), ("network", 0x40000000)):
         asked[f"clone with {name} of its own"] = (clone, [flag | 17, 0, 0, 0, 0])
     asked |= {"type into a terminal": (ioctl, [0, 0x5412, 0]), "paste into a console": (ioctl, [0, 0x541C, 0])}
-    told = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {asked!r}\n{CALLS}"))
-    assert told == dict.fromkeys(asked, "EPERM")
+    fields = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {asked!r}\n{CALLS}"))
+    assert fields == dict.fromkeys(asked, "EPERM")
     others = {"clone3": (435, [0, 0]), "vsock": (socket_, [40, 1, 0]), "x32": (0x40000000 + 101, [0] * 4)}
-    told = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {others!r}\n{CALLS}"))
-    assert told == {"clone3": "ENOSYS", "vsock": "EAFNOSUPPORT", "x32": "ENOSYS"}
+    fields = dict(line.rsplit(" ", 1) for line in attack(host, f"NUMBERS = {others!r}\n{CALLS}"))
+    assert fields == {"clone3": "ENOSYS", "vsock": "EAFNOSUPPORT", "x32": "ENOSYS"}
 
 
 def test_what_agents_do_all_day_still_works(host: Host) -> None:

@@ -43,8 +43,8 @@ def test_a_damaged_state_is_one_error_and_nothing_is_lost(
         health, status = applied.run("health"), applied.run("status")
         assert health.status == status.status == 6, "one verdict, whether a plan can be made or not"
         assert f"error[{code}]" in status.err and "host bench: not compared, unknown" in status.out
-        told = json.loads(applied.run("status", "-json", status=6).out)
-        assert (told["in_sync"], told["health"]) == (None, "unknown") and told["diagnostics"][0]["code"] == code
+        found = json.loads(applied.run("status", "-json", status=6).out)
+        assert (found["in_sync"], found["health"]) == (None, "unknown") and found["diagnostics"][0]["code"] == code
         assert path.read_bytes() == before
         assert (applied.state / "probe" / "output.json").exists()
     finally:

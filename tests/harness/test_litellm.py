@@ -35,8 +35,8 @@ def test_its_work_its_usage_and_what_its_commands_do_not_get(
     assert astuple(outcome.usage) == (2000, 800, 100, pytest.approx((1200 + 80 + 200) / 1e6), "manifest")
     assert (outcome.program or "").startswith("litellm 1.")
     assert task.output.read_text() == '{"made": true}'
-    told = [json.loads(line) for line in task.transcript.read_text().splitlines()]
-    assert [item["text"] for item in told if item["event"] == "said"] == ["I write it.", "done"]
+    lines = [json.loads(line) for line in task.transcript.read_text().splitlines()]
+    assert [item["text"] for item in lines if item["event"] == "said"] == ["I write it.", "done"]
     assert [event for event in ran.events if not isinstance(event, Said)] == [
         Turn(Usage(1000, 400, 50)),
         ToolCalled("shell", f"env > seen; cat task.json; {WRITE}".strip()),

@@ -33,14 +33,14 @@ def test_only_a_manifest_that_allows_it_gives_it_the_web(
     task_for: Callable[..., Task], run: Callable[..., Ran]
 ) -> None:
     """Its tool for web pages is one that it looks up first, so it stands in the request by its name alone."""
-    told = {}
+    fields = {}
     for allowed in (False, True):
         with serve([DONE]) as server:
             run(spec_for(NAME, server, web_search=allowed), task_for(MODEL))
-            told[allowed] = str(server.replies[0]["body"])
+            fields[allowed] = str(server.replies[0]["body"])
             assert {"run_shell_command", "read_file", "edit"} <= set(server.replies[0]["tools"])
-    assert "web_fetch" in told[True]
-    assert "web_fetch" not in told[False]
+    assert "web_fetch" in fields[True]
+    assert "web_fetch" not in fields[False]
 
 
 def test_nothing_that_lies_above_the_task_is_read(task_for: Callable[..., Task], run: Callable[..., Ran]) -> None:

@@ -49,7 +49,7 @@ def test_nothing_of_its_surroundings_reaches_the_model_and_nothing_is_looked_up(
         spec = spec_for(subject.name, server, api=subject.api, env=tuple(outside))
         ran = run(spec, replace(task, environment={**task.environment, **outside}))
         assert ran.outcome.reason is ExitReason.FINISHED, ran.task.log.read_text()[-4000:]
-        said = str([request["body"] for request in server.requests])
+        text = str([request["body"] for request in server.requests])
         assert asked() == 0
-    assert "Grüße" in said
-    assert "walrus" not in said
+    assert "Grüße" in text
+    assert "walrus" not in text

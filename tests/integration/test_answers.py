@@ -84,9 +84,9 @@ def test_one_sentence_settles_a_device_and_changes_nothing_else(bench: Project) 
     assert of(plan(bench), "profile_near", "near") == [near, {**near, "device": OTHER}]
     assert f"heron-pump will match {BOARD}, {OTHER} after this answer:" in bench.run("plan", *UP_TO, status=0).out
 
-    told = bench.run("answer", BOARD, SENTENCE, status=0).out
-    assert f'+   {BOARD}: "{SENTENCE}"' in told
-    assert "octoform plan" in told
+    found = bench.run("answer", BOARD, SENTENCE, status=0).out
+    assert f'+   {BOARD}: "{SENTENCE}"' in found
+    assert "octoform plan" in found
     assert manifest(bench) == f'{MANIFEST}answers:\n  {BOARD}: "{SENTENCE}"\n'
 
     events = plan(bench)
@@ -190,11 +190,11 @@ def test_a_profile_typed_into_the_manifest_is_the_same_input_as_its_file(bench: 
     bench.script = {"identify": [{"good": True}]}
     bench.harness = f"{bench.scripted()}"
     head = f"version: 1\nhost: bench\nharness: {bench.harness}\nstages: {{probe: {{harness: builtin}}}}\n"
-    said = f"answers: {{{BOARD}: {SENTENCE}}}\n"
+    text = f"answers: {{{BOARD}: {SENTENCE}}}\n"
     (bench.outside / "script.json").write_text("{}")
     typed = "".join(f"    {line}\n" if line else "\n" for line in PROFILE.splitlines())
     for profiles in ("profiles: [profiles/pump.md]\n", f"profiles:\n  - |\n{typed}"):
-        (bench.folder / "octopus.yaml").write_text(f"{head}{said}{profiles}budget: {{attempts: 1}}\n")
+        (bench.folder / "octopus.yaml").write_text(f"{head}{text}{profiles}budget: {{attempts: 1}}\n")
         # The scripted agent says nothing of this host and is refused; its prompt is what counts.
         bench.run("apply", "-auto-approve", "-target", "identify", status=1)
     first, second = (folder / "prompt.md" for folder in bench.attempts("identify"))

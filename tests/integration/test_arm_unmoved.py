@@ -118,8 +118,8 @@ def test_an_arm_without_a_profile_stands_still_whatever_a_server_would_send(
         project = Project(tmp_path / "project", tmp_path / "outside")
         project.environ["OCTOFORM_SYSROOT"] = str(tmp_path / "tree")
         project.share_environments(packaged("pyserial"))
-        said = outputs(tmp_path / "tree")
-        project.script = {name: [{"write": json.dumps(output)}] for name, output in said.items()}
+        found = outputs(tmp_path / "tree")
+        project.script = {name: [{"write": json.dumps(output)}] for name, output in found.items()}
         servers = [SERVER.replace("SENDS", text) for text in (*HOSTILE, HONEST)]
         project.script["serve"] = [{"write": text} for text in servers]
         attempts = f"{{budget: {{attempts: {len(servers)}}}}}"

@@ -62,8 +62,8 @@ def test_a_person_watches_pauses_asks_and_ends_it(bench: Launched) -> None:
     try:
         terminal.wait_for("(Ctrl-C ends)")
         terminal.wait_for("1 signal")
-        told = octoform(bench, "health", "-json")
-        document = json.loads(told.stdout)
+        found = octoform(bench, "health", "-json")
+        document = json.loads(found.stdout)
         assert (document["looked"], document["watched"]["pid"]) == (False, terminal.process.pid)
         assert document["covered"] == 1
 

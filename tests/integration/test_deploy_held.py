@@ -98,8 +98,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
 
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_set_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
-    _, code, said = WRONG[case]
-    assert code in refused[case] and said in refused[case][code], refused[case]
+    _, code, found = WRONG[case]
+    assert code in refused[case] and found in refused[case][code], refused[case]
 
 
 def unbuildable(folder: Path) -> None:
@@ -137,8 +137,8 @@ def test_a_package_that_cannot_be_built_costs_its_tools_alone(tmp_path: Path, pa
         assert failed["name"] == "benchlamp"
         tools = {tool["name"] for tool in json.loads(project.run("tools", "-json", status=0).out)["tools"]}
         assert "read_temperature" in tools and "read_led" not in tools
-        told = project.run("call", "read_led")
-        assert told.status != 0 and "benchlamp" in told.text
+        found = project.run("call", "read_led")
+        assert found.status != 0 and "benchlamp" in found.text
         assert "No changes." in project.run("plan", "-detailed-exitcode", status=0).out
         assert json.loads(project.run("status", "-json").out)["in_sync"] is True
     finally:
@@ -172,8 +172,8 @@ def test_a_program_that_is_not_here_costs_its_tools_alone(tmp_path: Path, packag
         assert {"INTERFACE-PROGRAM-MISSING", "DEPLOY-PROGRAM-MISSING"} <= set(done.codes())
         tools = {tool["name"] for tool in json.loads(project.run("tools", "-json", status=0).out)["tools"]}
         assert "read_temperature" in tools and "read_led" not in tools
-        told = project.run("call", "read_led")
-        assert told.status != 0 and "benchlamp-level" in told.text
+        found = project.run("call", "read_led")
+        assert found.status != 0 and "benchlamp-level" in found.text
         assert "benchlamp-level is not on this host" in project.run("doctor").text
         assert "No changes." in project.run("plan", "-detailed-exitcode", status=0).out
     finally:

@@ -90,14 +90,16 @@ def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone_and_outside_of
         *("validate", "plan", "apply", "status", "tools", "call", "attempts", "devices", "coverage"),
         *("answer", "clients", "estop", "estop", "audit", "destroy"),
     ]
-    told = {}
+    fields = {}
     for words in [["init"], *used] if place == "own" else used:
         done = warm.completed(OCTOFORM, words, folder, environ, 120, said="yes\n")
         assert done.returncode == 0, (words, done.stdout, done.stderr)
         assert "error[" not in done.stderr, (words, done.stderr)
-        told[words[0]] = done.stdout
-    assert ": in sync, healthy" in told["status"]
+        fields[words[0]] = done.stdout
+    assert ": in sync, healthy" in fields["status"]
     if host == "empty-vm":
-        assert told["tools"] == told["call"] and told["call"].startswith("The endpoint has no tools: nothing here")
+        assert fields["tools"] == fields["call"] and fields["call"].startswith(
+            "The endpoint has no tools: nothing here"
+        )
     hosts = list((folder / "state").iterdir())
     assert json.loads((hosts[0] / "state.json").read_text())["nodes"] == {}

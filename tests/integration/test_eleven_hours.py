@@ -127,8 +127,8 @@ class ArmWorld(DaemonWorld):
             return ()
         self.passed()
         real = self.whole and next(self.samples) % 10 == 0
-        told = self.rig.tools["arm_status"]() if real else registers(self.rig)
-        result = told if isinstance(told, dict) else told.model_dump()
+        found = self.rig.tools["arm_status"]() if real else registers(self.rig)
+        result = found if isinstance(found, dict) else found.model_dump()
         if self.skipping:
             result["joints"] = [skipped(one) if one["joint"] == "elbow_flex" else one for one in result["joints"]]
         leaves = list(flattened(result))

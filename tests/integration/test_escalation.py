@@ -44,8 +44,8 @@ def test_only_the_unknown_is_asked_and_the_answer_joins_the_rest(hybrid: Project
     assert node["detail"]["escalated"]["still_unknown"] == 0
     assert node["attempts"] == 2
     assert done.events()[-1]["result"]["agent_runs"] == 3
-    told = hybrid.run("state", "show", "identify", status=0).out
-    assert f"escalated command was asked about {len(asked)} unknown; 0 still unknown" in told
+    found = hybrid.run("state", "show", "identify", status=0).out
+    assert f"escalated command was asked about {len(asked)} unknown; 0 still unknown" in found
 
 
 def test_a_host_where_nothing_is_unknown_asks_nobody(hybrid: Project, planted: Planted) -> None:

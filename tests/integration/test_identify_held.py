@@ -312,6 +312,6 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
 def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
     refused: dict[str, dict[str, str]], case: str
 ) -> None:
-    _, code, said = WRONG[case]
+    _, code, result = WRONG[case]
     found = refused[case]
-    assert code in found and len(found) <= MOST_FINDINGS and said in found[code], found
+    assert code in found and len(found) <= MOST_FINDINGS and result in found[code], found

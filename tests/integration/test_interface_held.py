@@ -217,5 +217,5 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
 
 @pytest.mark.parametrize("case", WRONG)
 def test_what_a_caller_could_misuse_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
-    _, code, said = WRONG[case]
-    assert list(refused[case]) == [code] and said in refused[case][code], refused[case]
+    _, code, found = WRONG[case]
+    assert list(refused[case]) == [code] and found in refused[case][code], refused[case]

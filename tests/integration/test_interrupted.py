@@ -121,11 +121,11 @@ def test_a_signal_stops_in_order(working: Project, applying: Start, number: sign
     process = applying(preexec_fn=hearing)
     tool = at_work(working)
     process.send_signal(number)
-    _, said = process.communicate(timeout=60)
+    _, found = process.communicate(timeout=60)
     assert process.returncode == 128 + number
-    assert "Traceback" not in said
+    assert "Traceback" not in found
     word = "interrupted" if number == signal.SIGINT else f"stopped by {number.name}"
-    assert [word in line for line in said.strip().splitlines()] == [True], said
+    assert [word in line for line in found.strip().splitlines()] == [True], found
     left_in_order(working, tool)
     assert "the agent was here" not in (working.folder / "octopus.yaml").read_text()
     working.harness, working.manifest = None, {}

@@ -178,9 +178,9 @@ def test_a_server_that_was_edited_is_not_served_and_made_again(live: Project) ->
     assert "server.py is not the one that the endpoint was made for" in refused["reasons"]
     assert json.loads(live.run("call", "read_temperature", "-json", status=0).out)["structured"]["celsius"] == 21.5
     assert "is not the file that was accepted" in live.run("restart", status=1).err
-    told = reasons(live)
-    assert any("edited by hand" in text for text in told["serve"])
-    assert any("server.py" in text for text in told["endpoint"])
+    found = reasons(live)
+    assert any("edited by hand" in text for text in found["serve"])
+    assert any("server.py" in text for text in found["endpoint"])
     assert repair(live) == ["serve"]
     assert server.read_bytes() == good
 
@@ -192,16 +192,16 @@ def test_what_is_damaged_or_forgotten_of_an_endpoint_is_named_and_made_again_wit
     live = live_alone
     launcher = live.local / "endpoint" / "launch"
     launcher.unlink()
-    told = reasons(live)
-    assert list(told) == ["endpoint"]
-    assert any("launcher is missing" in text for text in told["endpoint"])
+    found = reasons(live)
+    assert list(found) == ["endpoint"]
+    assert any("launcher is missing" in text for text in found["endpoint"])
 
     environment = Path(json.loads((live.local / "endpoint" / "manifest.json").read_text())["environment"])
     package = next(environment.glob("lib/python*/site-packages/fastmcp-*.dist-info"))
     shutil.rmtree(package)
-    told = reasons(live)
-    assert list(told) == ["endpoint"]
-    assert any("fastmcp" in text and "is gone from the serving environment" in text for text in told["endpoint"])
+    found = reasons(live)
+    assert list(found) == ["endpoint"]
+    assert any("fastmcp" in text and "is gone from the serving environment" in text for text in found["endpoint"])
 
     live.run("state", "rm", "endpoint", status=0)
     assert (live.local / "endpoint" / "manifest.json").exists()

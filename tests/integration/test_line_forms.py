@@ -71,8 +71,8 @@ class Heater:
     def _answer(self, line: str) -> bytes:
         self.lines.append(line)
         if line == "STATE?":
-            told = f"T 19.5\nHEAT {'ON' if self.heats else 'OFF'}\nEND\n"
-            return (told[:7] if self.breaks_off else told).encode()
+            text = f"T 19.5\nHEAT {'ON' if self.heats else 'OFF'}\nEND\n"
+            return (text[:7] if self.breaks_off else text).encode()
         if self.refuses:
             return b"NO too hot\n"
         self.heats = line == "HEAT ON"
@@ -142,8 +142,8 @@ def test_the_tools_are_typed_as_the_profile_says(bench: Bench) -> None:
 
 def test_a_boolean_goes_out_as_its_word_and_what_is_not_acknowledged_is_told_so(bench: Bench) -> None:
     for on, line in ((True, "HEAT ON"), (False, "HEAT OFF")):
-        told = {"device": DEVICE, "command": line, "acknowledged": False}
-        assert bench.ask("heater_switch", on=on) == (True, told)
+        fields = {"device": DEVICE, "command": line, "acknowledged": False}
+        assert bench.ask("heater_switch", on=on) == (True, fields)
     assert bench.heater.lines == ["HEAT ON", "HEAT OFF"] and not bench.heater.heats
     layout = Layout(bench.project.folder, bench.project.host)
     result, (found,) = call(layout, Wanted("heater_switch", {"on": "OFF; HEAT ON"}))

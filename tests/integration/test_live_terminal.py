@@ -219,9 +219,9 @@ def test_sigterm_gives_a_call_up(bench: Launched, tmp_path: Path) -> None:
     )
     until(lambda: bench.ask("status")["gate"]["running"])
     process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=30)
+    _, found = process.communicate(timeout=30)
     assert process.returncode == 143
-    assert "the call of scan was given up" in said
+    assert "the call of scan was given up" in found
     until(mark.exists)
 
 

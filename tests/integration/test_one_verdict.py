@@ -42,9 +42,9 @@ class Bench:
     def status(self) -> str:
         """The word of ``status``, whose exit code has to agree."""
         done = self.project.run("status", "-json")
-        told = json.loads(done.out)
-        assert done.status == (CODES[told["health"]] or (0 if told["in_sync"] else 1)), done.text
-        return str(told["health"])
+        found = json.loads(done.out)
+        assert done.status == (CODES[found["health"]] or (0 if found["in_sync"] else 1)), done.text
+        return str(found["health"])
 
     def health(self) -> str:
         """The word of ``health``, whose exit code has to agree."""
@@ -64,10 +64,10 @@ class Bench:
             code, body = problem.code, problem.read()
         except OSError:
             return "down"
-        told = json.loads(body)
-        assert set(told) == {"status", "tools", "instance"}, "it tells strangers no names"
-        assert code == (200 if told["status"] == "healthy" else 503)
-        return str(told["status"])
+        found = json.loads(body)
+        assert set(found) == {"status", "tools", "instance"}, "it tells strangers no names"
+        assert code == (200 if found["status"] == "healthy" else 503)
+        return str(found["status"])
 
     def counted(self) -> str:
         """The word of the file of metrics."""
@@ -222,7 +222,7 @@ def test_with_a_daemon_all_say_the_same(watched: Bench, situation: str) -> None:
     with made(watched):  # type: ignore[attr-defined]
         until_metrics = becomes(lambda: watched.counted() if watched.metrics.exists() else "", word)
         assert until_metrics == word
-        assert {name: becomes(told, word) for name, told in surfaces.items()} == dict.fromkeys(surfaces, word)
+        assert {name: becomes(text, word) for name, text in surfaces.items()} == dict.fromkeys(surfaces, word)
 
 
 def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench) -> None:
@@ -282,8 +282,8 @@ def test_a_first_apply_by_another_user_ends_as_incomplete_where_a_node_is_closed
             for piece in ("Apply incomplete", CAMERA, "/dev/video0", "mode 0600"):
                 assert piece in words, (piece, words)
             assert "Apply complete" not in words
-            told = " ".join(project.run("doctor").text.split())
-            assert "/dev/video0" in told and "mode 0600" in told, told
+            text = " ".join(project.run("doctor").text.split())
+            assert "/dev/video0" in text and "mode 0600" in text, text
         finally:
             project.run("stop")
             host.clear()

@@ -130,9 +130,9 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str
 def test_what_the_host_contradicts_is_refused_with_the_true_line(
     applied: tuple[Project, dict[str, dict[str, str]]], case: str
 ) -> None:
-    _, code, said = WRONG[case]
-    told = applied[1][case]
-    assert code in told and said in told[code], told
+    _, code, value = WRONG[case]
+    result = applied[1][case]
+    assert code in result and value in result[code], result
 
 
 def test_what_is_accepted_bears_the_hosts_own_facts_and_hides_a_number_that_stands_in_a_text_alone(

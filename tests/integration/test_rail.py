@@ -107,8 +107,8 @@ def test_limits_are_kept_before_anything_is_sent(bench: Bench) -> None:
     assert "3000" in bench.fails("rail_move_x", steps=3000)
     for _ in range(FARTHEST // MOST):
         bench.call("rail_move_x", steps=MOST)
-    told = bench.fails("rail_move_x", steps=1)
-    assert "since rail_home" in told and "A call of rail_home that goes well sets the sum to zero" in told
+    found = bench.fails("rail_move_x", steps=1)
+    assert "since rail_home" in found and "A call of rail_home that goes well sets the sum to zero" in found
     assert bench.rail.position["X"] == FARTHEST and len(bench.rail.lines) == FARTHEST // MOST
     bench.call("rail_home")
     bench.call("rail_move_x", steps=-MOST)
@@ -147,8 +147,8 @@ def test_what_the_device_refuses_is_told(bench: Bench) -> None:
 
 def test_an_answer_outside_the_grammar_is_shown_and_harmless(bench: Bench) -> None:
     bench.rail.manner = "odd"
-    told = bench.fails("rail_move_x", steps=1)
-    assert r"'boot v3 \x1b[31m'" in told and "\x1b" not in told
+    found = bench.fails("rail_move_x", steps=1)
+    assert r"'boot v3 \x1b[31m'" in found and "\x1b" not in found
 
 
 def test_silence_ends_and_its_late_answer_is_not_taken_for_the_next_one(bench: Bench) -> None:
@@ -161,8 +161,8 @@ def test_silence_ends_and_its_late_answer_is_not_taken_for_the_next_one(bench: B
 
 def test_a_device_that_goes_away_in_the_middle(bench: Bench) -> None:
     bench.rail.manner = "gone"
-    told = bench.fails("rail_move_y", steps=5)
-    assert told.startswith(DEVICE) and "whether it did 'MOVE_Y 5' is not known" in told
+    found = bench.fails("rail_move_y", steps=5)
+    assert found.startswith(DEVICE) and "whether it did 'MOVE_Y 5' is not known" in found
     assert "MOVE" not in bench.fails("rail_home")  # nobody could send anything
     bench.board.unplug()
     bench.rail.manner = "well"
@@ -248,8 +248,8 @@ def test_what_watch_claims_keeps_any_client_from_the_call_and_never_from_a_stop_
         "restrictions": [{"tool": "rail_move_x", "arguments": {}, "effect": "deny"}],
     }
     (claim,) = reported(bench, claims=[held], declarations=[]).active()
-    told, stopped = connected(bench, ("rail_move_x", {"steps": 5}), ("rail_stop", {}))
-    assert claim.id in told and claim.statement in told and claim.expires_at in told and "octoform claims" in told
+    found, stopped = connected(bench, ("rail_move_x", {"steps": 5}), ("rail_stop", {}))
+    assert claim.id in found and claim.statement in found and claim.expires_at in found and "octoform claims" in found
     assert stopped == "" and bench.rail.lines == ["MOVE_X 200"]
     bench.project.run("claims", "-retire", claim.id, status=0)
     assert connected(bench, ("rail_home", {}), ("rail_move_x", {"steps": 5})) == ["", ""]
@@ -257,12 +257,12 @@ def test_what_watch_claims_keeps_any_client_from_the_call_and_never_from_a_stop_
 
 
 def test_what_holds_for_good_waits_for_a_person_who_can_also_take_it_back(bench: Bench) -> None:
-    told: dict[str, object] = {
+    fields: dict[str, object] = {
         "kind": "disable_unit",
         "target": f"device:{DEVICE}",
         "statement": "The rail is worn out.",
     }
-    ledger = reported(bench, claims=[], declarations=[told])
+    ledger = reported(bench, claims=[], declarations=[fields])
     assert ledger.active() == ()
     (waiting,) = ledger.pending()
     assert waiting.irreversible == "disable_unit" and waiting.id in bench.project.run("claims", status=0).out
@@ -284,7 +284,7 @@ def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
     reading = {"channel": "log", "source": "rail_move_x", "path": "/ok", "value": False, "why": ""}
     failure = {"id": "f1", "tool": "rail_move_x", "error": "DeviceFault", "message": "no answer", "count": 3}
     broken = {"tool": "rail_move_x", "device": DEVICE, "class": "broken_tool", "message": "it moves too little"}
-    told = {
+    fields = {
         "format": 1,
         "stage": "heal",
         "class": "broken_tool",
@@ -309,7 +309,7 @@ def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
     bench.project.manifest["stages"] = f"{{heal: {{harness: {{name: command, command: {command}, sandbox: false}}}}}}"
     done = []
     for rewrite in rewrites:
-        bench.project.script = {"heal": [{"rewrite": rewrite, "report": told}]}
+        bench.project.script = {"heal": [{"rewrite": rewrite, "report": fields}]}
         bench.project.write()
         done.append(heal(bench.project.folder, bench.project.environment(), brief))
     return done

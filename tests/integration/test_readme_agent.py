@@ -124,8 +124,8 @@ def test_a_person_who_is_logged_in_needs_no_key(program: Path, tmp_path: Path) -
     assert "yours with claude-code" in checks and TOKEN not in checks
     done = project.run("apply", "-auto-approve", "-target", "interface", status=0)
     assert "Apply complete" in done.out
-    told = [path.read_text() for path in (project.folder / ".octoform").rglob("login.txt")]
-    assert told and set(told) == {"token given, nothing that renews it"}
+    lines = [path.read_text() for path in (project.folder / ".octoform").rglob("login.txt")]
+    assert lines and set(lines) == {"token given, nothing that renews it"}
     files = [path for path in project.folder.rglob("*") if path.is_file() and not path.is_symlink()]
     assert not [path for path in files if any(secret.encode() in path.read_bytes() for secret in (TOKEN, RENEWS))]
     assert json.loads((home / ".claude/.credentials.json").read_text())["claudeAiOauth"] == login

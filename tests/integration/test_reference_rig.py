@@ -117,8 +117,8 @@ def test_a_real_client_moves_both_and_the_camera_sees_it(bench: Bench) -> None:
     bench.ask(("rail_home", {}), ("arm_home", {}))
     first, still = bench.picture(), bench.picture()
     noise = difference(first, still)
-    (told,) = bench.ask(("arm_move_joint", {"joint": "shoulder_lift", "position": 1600}))
-    assert told["moved"] and abs(bench.rig.servos.servos[2].position - 1600) < 30
+    (found,) = bench.ask(("arm_move_joint", {"joint": "shoulder_lift", "position": 1600}))
+    assert found["moved"] and abs(bench.rig.servos.servos[2].position - 1600) < 30
     bent = bench.picture()
     assert difference(still, bent) > 3 * noise
     bench.ask(("rail_move_x", {"steps": 1500}))
@@ -157,9 +157,9 @@ def test_two_clients_and_the_heartbeat_at_once_spoil_no_packet(bench: Bench) -> 
 
 def test_look_saves_what_the_camera_shows(bench: Bench, tmp_path: Path) -> None:
     file = tmp_path / "now.jpg"
-    told = json.loads(bench.project.run("look", "-save", str(file), "--json", status=0).out)
+    found = json.loads(bench.project.run("look", "-save", str(file), "--json", status=0).out)
     assert file.read_bytes()[:2] == b"\xff\xd8", base64.b64encode(file.read_bytes()[:8])
-    assert told["camera"] == CAMERA or told["camera"]["device"] == CAMERA
+    assert found["camera"] == CAMERA or found["camera"]["device"] == CAMERA
 
 
 def test_a_camera_that_does_not_show_what_is_before_it_ends_an_apply(bench: Bench) -> None:

@@ -254,8 +254,8 @@ def test_re_discovery_that_is_ended_at_any_point_is_taken_back(
     (applied.outside / "script.json").write_text("{}")
     if number == "KILL":
         assert is_left(layout)
-        told = settle(layout, applied.environment())
-        assert told is not None and told["ok"], told
+        found = settle(layout, applied.environment())
+        assert found is not None and found["ok"], found
     assert not is_left(layout) and not layout.lock.exists()
     assert applied.nodes() == before[1] and layout.output("serve").read_bytes() == before[2]
     assert running(layout) is not None and in_sync(applied)

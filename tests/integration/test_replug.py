@@ -112,10 +112,10 @@ def test_twins_that_may_be_swapped_are_refused_for_an_actuator_and_positional_fo
     bench.host.board("1-5", "ttyUSB6", "right")
     bench.host.board("1-6", "ttyUSB7", "left")
     for board in (BOARD, TWIN):
-        status, said = bench.call("move_board", board)
+        status, found = bench.call("move_board", board)
         assert status == 1
-        assert "may be any of 2 equal devices (1-5, 1-6)" in said
-        assert "octoform apply -replace probe" in said
+        assert "may be any of 2 equal devices (1-5, 1-6)" in found
+        assert "octoform apply -replace probe" in found
     assert [bench.call("ask_board", board) for board in (BOARD, TWIN)] == [(0, "right NAME"), (0, "left NAME")]
     assert "No changes" in bench.project.run("plan", "-detailed-exitcode", status=0).out
     assert bench.record() == before

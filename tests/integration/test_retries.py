@@ -38,10 +38,10 @@ def test_a_retry_gets_the_refused_output_and_is_told_that_the_rest_of_it_was_rig
     first, second = project.attempts("identify")
     assert (second / "former-output.json").read_bytes() == (first / "output.json").read_bytes()
     assert not (first / "former-output.json").exists()
-    said = " ".join(prompt(second).split())
-    assert "A copy of the last output that was judged is former-output.json" in said
-    assert "Keep everything that no finding below is about: it was right" in said
-    assert "/devices/0/capabilities/0/effect" in said
+    text = " ".join(prompt(second).split())
+    assert "A copy of the last output that was judged is former-output.json" in text
+    assert "Keep everything that no finding below is about: it was right" in text
+    assert "/devices/0/capabilities/0/effect" in text
     assert "former-output.json" not in json.loads((second / "attempt.json").read_text())["files"]
 
 
@@ -98,15 +98,15 @@ def test_what_an_attempt_wrote_that_did_not_end_well_is_judged_and_handed_on(pro
     _, second, third, fourth = project.attempts("identify")
     assert json.loads((second / "former-output.json").read_text()) == changed()
     for folder in (second, third):
-        said = " ".join(prompt(folder).split())
-        assert POINTER in said, folder
-        assert "No finding is about" in said and "0 of 1 devices" not in said
+        text = " ".join(prompt(folder).split())
+        assert POINTER in text, folder
+        assert "No finding is about" in text and "0 of 1 devices" not in text
     assert "APPLY-AGENT-FAILED" in prompt(third) and json.loads((third / "former-output.json").read_text()) == changed()
     listed = json.loads((third / "task.json").read_text())["diagnostics"]
     assert [item["code"] for item in listed].count("APPLY-AGENT-FAILED") == 1 and len(listed) > 1
     assert (fourth / "former-output.json").read_text() == "{"
-    said = " ".join(prompt(fourth).split())
-    assert "It could not be read as a whole" in said and POINTER not in said
+    text = " ".join(prompt(fourth).split())
+    assert "It could not be read as a whole" in text and POINTER not in text
 
 
 def test_a_right_output_of_an_attempt_that_was_stopped_is_said_to_be_right_and_not_accepted(project: Project) -> None:
@@ -139,9 +139,9 @@ def test_what_a_trial_found_stands_until_the_next_trial_however_many_servers_are
         "serve:told": [{"copy": str(project.outside / "refused.py")}, {"shell": "cp former-server.py seen"}],
     }
     project.apply(status=0)
-    first, told, last = project.attempts("serve")
+    first, found, last = project.attempts("serve")
     assert "ENDPOINT-TOOL-BROKEN" not in prompt(first)
-    assert "ENDPOINT-TOOL-BROKEN" in prompt(told) and "no_such_clock" in (told / "former-server.py").read_text()
+    assert "ENDPOINT-TOOL-BROKEN" in prompt(found) and "no_such_clock" in (found / "former-server.py").read_text()
     assert "ENDPOINT-TOOL-BROKEN" in prompt(last), "no one has tried another one yet"
     assert "Why the earlier attempt was rejected" in prompt(last) and "eval" in prompt(last)
     assert (last / "seen").read_text() == (project.outside / "refused.py").read_text()

@@ -93,9 +93,9 @@ def test_only_probe_runs_on_the_next_host_and_the_state_says_where_the_rest_is_f
     assert not any(name in shown for name in ("prompt.md", "agent.log", "transcript.jsonl", "try 0"))
     document = json.loads(other.run("attempts", "-json", "show", str(number), status=0).out)
     assert (document["prompt"], document["log"]) == (None, None)
-    told = other.run("state", "show", "identify", status=0).out
-    assert f"from host bench of project ../.. (serial {made['serial']}), accepted there at 2" in told
-    assert "; made for host bench\n" in told and "0 attempts" not in told
+    found = other.run("state", "show", "identify", status=0).out
+    assert f"from host bench of project ../.. (serial {made['serial']}), accepted there at 2" in found
+    assert "; made for host bench\n" in found and "0 attempts" not in found
     assert planned(other, "-target", "interface") == {}
 
 
@@ -334,8 +334,8 @@ def test_behind_one_that_does_not_hold_the_next_is_tried_and_each_is_told_once(l
     done = other.apply("-target", "identify", status=0)
     assert lender.stages_run()[before:] == ["probe"]
     assert other.nodes()["identify"]["detail"]["reused"]["host"] == "bench"
-    told = [event["text"] for event in done.events() if "does not hold here" in str(event.get("text"))]
-    assert [text.split()[4] for text in told] == ["a-1", "a-3"]
+    lines = [event["text"] for event in done.events() if "does not hold here" in str(event.get("text"))]
+    assert [text.split()[4] for text in lines] == ["a-1", "a-3"]
     listed = other.run("attempts", "-stage", "identify", status=0).out
     assert listed.count("refused IDENTIFY-") == 2, "a refused output is not called reused"
 

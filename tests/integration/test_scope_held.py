@@ -199,7 +199,9 @@ def test_more_than_an_agent_can_choose_from_is_warned_of_and_accepted(tmp_path: 
     project.script = {"probe": [{"write": json.dumps(probe)}], "identify": [{"write": json.dumps(found)}]}
     done = project.apply("-target", "identify", status=0)
     assert {"IDENTIFY-MANY-DEVICES", "IDENTIFY-MANY-CAPABILITIES"} <= set(done.codes())
-    told = {item["code"]: item for event in done.events() for item in [event.get("diagnostic") or {}] if "code" in item}
-    assert told["IDENTIFY-MANY-DEVICES"]["severity"] == "warning"
-    assert "two to five" in told["IDENTIFY-MANY-CAPABILITIES"]["summary"]
+    fields = {
+        item["code"]: item for event in done.events() for item in [event.get("diagnostic") or {}] if "code" in item
+    }
+    assert fields["IDENTIFY-MANY-DEVICES"]["severity"] == "warning"
+    assert "two to five" in fields["IDENTIFY-MANY-CAPABILITIES"]["summary"]
     assert project.nodes()["identify"]["status"] == "accepted"

@@ -639,8 +639,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
 
 @pytest.mark.parametrize("case", WRONG)
 def test_a_wrong_server_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
-    _, code, said = WRONG[case]
-    assert list(refused[case]) == [code] and said in refused[case][code], refused[case]
+    _, code, found = WRONG[case]
+    assert list(refused[case]) == [code] and found in refused[case][code], refused[case]
 
 
 def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Callable[..., Path]) -> None:

@@ -196,10 +196,10 @@ def is_started_and_stopped_by_systemd(systemd: Systemd, bench: Launched) -> None
 
     A start that systemd reports as failed is told with its reason.
     """
-    told = len(systemd.told())
+    found = len(systemd.told())
     assert stop(bench.layout).process is not None
     assert running(bench.layout) is None
-    assert systemd.told()[told:] == [["stop", NAME]]
+    assert systemd.told()[found:] == [["stop", NAME]]
 
     mark = str(bench.layout.stop_mark).replace("%", "%%")
     condition = f"ConditionPathExists=!{mark}"
@@ -207,7 +207,7 @@ def is_started_and_stopped_by_systemd(systemd: Systemd, bench: Launched) -> None
     assert record.mark(bench.layout) is None
     process, problem = start(bench.layout)
     assert problem is None and process is not None
-    assert systemd.told()[told:] == [["stop", NAME], ["start", NAME]]
+    assert systemd.told()[found:] == [["stop", NAME], ["start", NAME]]
     assert process.pid == int((systemd.folder / "pid").read_text())
     assert not record.is_marked(bench.layout)
 

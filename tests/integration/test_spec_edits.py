@@ -65,8 +65,8 @@ def test_the_state_names_the_spec_that_the_output_was_made_with(corrected: Proje
     assert node["detail"]["spec_edit"]["base"] == node["key_parts"]["spec"]
     assert node["detail"]["spec_edit"]["digest"] != node["key_parts"]["spec"]
     assert planned(corrected) == [], "an edit holds for its run; nothing is made again because of it"
-    told = corrected.run("show", status=0).out
-    assert told.count("made with a spec that an agent corrected; octoform spec diff identify") == 1
+    found = corrected.run("show", status=0).out
+    assert found.count("made with a spec that an agent corrected; octoform spec diff identify") == 1
 
 
 def test_the_edit_is_shown_while_it_happens_and_afterwards(project: Project) -> None:

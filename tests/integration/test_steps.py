@@ -121,8 +121,8 @@ def test_each_joint_was_moved_and_came_back_and_nothing_is_left_to_do(bench: Ben
     assert not any(one.torque for one in bench.arm.servos.values()), "what was limp before is limp again"
     assert all(one["restored"] for one in tried.values())
     (folder,) = bench.project.attempts("step.arm")
-    told = json.loads((folder / "trials.json").read_text())["trials"]
-    assert all(len(item["readings"]) >= 3 for item in told)
+    found = json.loads((folder / "trials.json").read_text())["trials"]
+    assert all(len(item["readings"]) >= 3 for item in found)
     given = json.loads((folder / "input.json").read_text())
     assert given["device"]["id"] == DEVICE and (folder / "server.py").read_bytes() == bench.server.read_bytes()
     assert bench.is_in_sync()
@@ -155,8 +155,8 @@ def test_a_servo_that_acknowledges_and_does_not_move_fails_the_step_and_the_endp
     assert summary in done.out
     node = bench.project.nodes()["step.arm"]
     assert node["status"] == "failed" and node["detail"]["failure"]["diagnostics"][0]["code"] == "STEP-NOT-MOVED"
-    told = bench.project.run("status").text
-    assert "out of sync, degraded" in told and "the hardware test of step.arm failed" in told
+    found = bench.project.run("status").text
+    assert "out of sync, degraded" in found and "the hardware test of step.arm failed" in found
     assert "shoulder_pan" in bench.project.run("call", "arm_status", status=0).out
     assert bench.steps("arm").status == 0 and bench.is_in_sync()
 

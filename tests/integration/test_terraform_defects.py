@@ -102,14 +102,14 @@ def test_3_the_value_of_a_named_variable_is_in_no_file_and_on_no_screen(project:
     done = project.apply("-target", "interface", status=1)
     assert done.codes().count("APPLY-SECRET-IN-OUTPUT") >= 2
     assert not (project.state / "identify").exists()
-    said = done.text + project.run("plan", "-out", "saved.plan", status=0).text
-    said += project.run("state", "show", "identify", status=0).text
+    found = done.text + project.run("plan", "-out", "saved.plan", status=0).text
+    found += project.run("state", "show", "identify", status=0).text
     prompts = [path.read_text() for path in project.local.glob("attempts/*/prompt.md")]
     assert sum("[BENCH_KEY redacted]" in text for text in prompts) == 2
-    assert "BENCH_KEY" in said
+    assert "BENCH_KEY" in found
     spellings = (SECRET, json.dumps(SECRET)[1:-1], "".join(f"\\u{ord(sign):04x}" for sign in SECRET))
     for spelling in spellings:
-        assert spelling not in said
+        assert spelling not in found
         for path in project.folder.rglob("*"):
             assert path.is_dir() or spelling.encode() not in path.read_bytes(), path
 

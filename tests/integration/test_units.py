@@ -221,8 +221,8 @@ def test_a_rewrite_of_another_server_or_behind_an_emergency_stop_is_not_put_in_s
     bench.project.run("estop", "-clear", status=0)
     kept = bench.layout.local / "rewrites"
     (path,) = kept.glob("*.json")
-    told = json.loads(path.read_bytes())
-    path.write_text(json.dumps({**told, "base": f"{before}\n# of another day\n"}))
+    found = json.loads(path.read_bytes())
+    path.write_text(json.dumps({**found, "base": f"{before}\n# of another day\n"}))
     done = bench.project.run("confirm", identity, "-auto-approve", status=1)
     assert "made again since" in done.text and server.read_text() == before
     bench.project.run("confirm", identity, "-reject", status=0)
@@ -236,7 +236,7 @@ def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench
     bench.project.run("confirm", rewritten(bench, MORE), "-auto-approve", status=0)
     assert "position * 2" in bench.layout.output("serve").read_text()
     move = ("arm_move_joint", {"joint": ELBOW, "position": 1000, "speed": 1500})
-    said, again, all_, wrist, status, stop = bench.told(
+    found, again, all_, wrist, status, stop = bench.told(
         move,
         move,
         ("arm_home", {"speed": 1500}),
@@ -244,15 +244,15 @@ def test_what_the_device_reports_stops_a_rewrite_that_makes_more_of_a_goal(bench
         ("arm_status", {}),
         ("arm_stop", {}),
     )
-    assert "has moved its device" in said and ELBOW in said and "limits -reset arm_move_joint" in said
+    assert "has moved its device" in found and ELBOW in found and "limits -reset arm_move_joint" in found
     assert "outside of its range" in again and "outside of its range" in all_
     assert [wrist, status, stop] == ["", "", ""]
     assert "the device reported elbow_flex" in bench.project.run("limits", status=1).out
     assert "OUTSIDE" in bench.project.run("audit").out
     # A person learns of it without reading the audit log, with a daemon and without.
     for words in ("status", "health"):
-        told = " ".join(bench.project.run(words).text.split())
-        assert f"the device reported {ELBOW}" in told and "limits -reset arm_move_joint" in told, told
+        text = " ".join(bench.project.run(words).text.split())
+        assert f"the device reported {ELBOW}" in text and "limits -reset arm_move_joint" in text, text
     bench.project.run("watch", "--once")
     listed = " ".join(bench.project.run("incidents").text.split())
     assert "arm_move_joint" in listed and f"the device reported {ELBOW}" in listed, listed

@@ -44,8 +44,8 @@ class Daemons:
 
     def begin(self) -> "subprocess.Popen[bytes]":
         """Start one."""
-        with self.said.open("ab") as said:
-            made = subprocess.Popen([str(OCTOFORM), "watch"], cwd=self._folder, stdout=said, stderr=said)
+        with self.said.open("ab") as found:
+            made = subprocess.Popen([str(OCTOFORM), "watch"], cwd=self._folder, stdout=found, stderr=found)
         self._begun.append(made)
         return made
 

@@ -157,9 +157,9 @@ def _problems(project: Path, ended: Ended) -> list[str]:
     if not errors:
         errors = [f"exit status {ended.status}: {(ended.text.strip().splitlines() or ['no word'])[-1]}"]
     logs = sorted((project / ".octoform" / HOST / "attempts").glob("*/agent.log"))
-    said = logs[-1].read_text(encoding="utf-8", errors="replace").strip().splitlines() if logs else []
-    if said and any(error.startswith("APPLY-AGENT-FAILED") for error in errors):
-        errors.append(f"the agent said: {said[-1]}")
+    lines = logs[-1].read_text(encoding="utf-8", errors="replace").strip().splitlines() if logs else []
+    if lines and any(error.startswith("APPLY-AGENT-FAILED") for error in errors):
+        errors.append(f"the agent said: {lines[-1]}")
     return errors
 
 

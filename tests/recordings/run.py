@@ -69,10 +69,10 @@ def main() -> int:
         print(f"no recording with a truth.json in {arguments.recordings}", file=sys.stderr)
         return 1
     taken = sample(folders, arguments.sample)
-    said = (
+    text = (
         f"{len(folders)} recordings" if taken == folders else f"a sample of {len(taken)} of {len(folders)} recordings"
     )
-    print(f"{said}; id databases: {', '.join(sorted(ids)) or 'none'}", flush=True)
+    print(f"{text}; id databases: {', '.join(sorted(ids)) or 'none'}", flush=True)
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="octoform-recordings-") as scratch:
         plan = Plan(Path(scratch), ids, arguments.trees, arguments.keep, arguments.until)
@@ -84,7 +84,7 @@ def main() -> int:
     print_excluded(marks)
     print_hosts(hosts)
     print_funnel(hosts)
-    print(f"{said}: {time.monotonic() - began:.0f} s")
+    print(f"{text}: {time.monotonic() - began:.0f} s")
     lines = bounds(hosts, marks)
     print_bounds(lines)
     return 0 if held(lines) else 1
@@ -136,8 +136,8 @@ def _run_all(folders: list[Path], plan: Plan) -> tuple[list[Onboarded], list[sco
         for done in as_completed([pool.submit(run_one, folder, plan) for folder in folders]):
             host, found = done.result()
             hosts[host.name], marks[host.name] = host, found
-            said = "; ".join(host.problems) or _told(host)
-            print(f"[{len(hosts):3d}/{len(folders)}] {host.name:<36} {said}", flush=True)
+            result = "; ".join(host.problems) or _told(host)
+            print(f"[{len(hosts):3d}/{len(folders)}] {host.name:<36} {result}", flush=True)
     return [hosts[name] for name in sorted(hosts)], [mark for name in sorted(marks) for mark in marks[name]]
 
 

@@ -133,13 +133,13 @@ def misidentification(item: Item, answer: dict[str, Any]) -> str:
             return f"must not be {phrase!r}: {name!r}"
     if item.identified_by in ("context", "none") and certain and answer["category"] != "unknown":
         return f"asserts {name!r} with {answer['confidence']} where the recording does not tell"
-    told = model_words(name)
+    found = model_words(name)
     true = model_words(f"{item.product} {item.quoted}")
     if (
         certain
-        and told
+        and found
         and true
-        and not _overlap(told, true)
+        and not _overlap(found, true)
         and not set(words(name)) & set(words(item.product)) - _STOP
     ):
         return f"another product: {name!r} instead of {item.product!r}"
@@ -149,17 +149,17 @@ def misidentification(item: Item, answer: dict[str, Any]) -> str:
 def same_product(item: Item, answer: dict[str, Any]) -> bool:
     """True when the name shares the product's model words, or its class where that is all that can be told."""
     name = answer["identified_as"]
-    told, true = set(words(name)) - _STOP, set(words(re.sub(r"\(.*?\)", " ", item.product))) - _STOP
+    found, true = set(words(name)) - _STOP, set(words(re.sub(r"\(.*?\)", " ", item.product))) - _STOP
     telling = model_words(item.product)
     if item.identified_by == "strings":
         # The match cites the strings; the product's name is the annotator's paraphrase of them.
         telling |= model_words(item.quoted)
-    if _overlap(telling, told) or len(told & true) >= 2:
+    if _overlap(telling, found) or len(found & true) >= 2:
         return True
     if telling and item.identified_by != "class":
         return False
     kinds = _BY_CLASS.get(item.kind, {item.kind})
-    return bool(told & true) or bool(kinds & told) or answer.get("class") == item.kind
+    return bool(found & true) or bool(kinds & found) or answer.get("class") == item.kind
 
 
 def tool_names(tools: Iterable[dict[str, Any]], device_id: str) -> tuple[str, ...]:

@@ -147,5 +147,5 @@ def _inside(path: str, holder: str) -> bool:
 
 def _is_called(device: Device, match: str) -> bool:
     """Whether udev's name of the device stands in a match by /dev/serial/by-id."""
-    told = re.search(r"(?m)^(?:\w+\[\d+\]\.)?udev\.ID_SERIAL\.name: (.+)$", str(device.get("raw_descriptor", "")))
-    return told is not None and told.group(1) in match
+    found = re.search(r"(?m)^(?:\w+\[\d+\]\.)?udev\.ID_SERIAL\.name: (.+)$", str(device.get("raw_descriptor", "")))
+    return found is not None and found.group(1) in match

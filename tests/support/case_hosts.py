@@ -52,13 +52,13 @@ def host(name: str) -> Host:
     held = {each.name: devices_of(each, probe, answers) for each in profiles}
     facts = {each.name: ProfileFacts(each.name, held[each.name], each.limits, commands(each)) for each in profiles}
     databases = IdDatabases(root)
-    told = [for_task(each, held[each.name]) for each in profiles]
+    lines = [for_task(each, held[each.name]) for each in profiles]
     registered = {
         device["id"]: " ".join(databases.lookup(device["interface"], device["vid"], device["pid"])).strip()
         for device in probe["devices"]
         if device.get("vid") and device.get("pid")
     }
-    return Host(root, probe, identify(probe, databases, told, answers), answers, facts, registered)
+    return Host(root, probe, identify(probe, databases, lines, answers), answers, facts, registered)
 
 
 _FOLDER = session_folder("case-hosts")

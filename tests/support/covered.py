@@ -28,8 +28,8 @@ def seen(name: str, called: str = "") -> dict[str, Any]:
 def known(name: str, category: str = "sensor", *able: str, **more: Any) -> dict[str, Any]:
     """A device of IDENTIFY."""
     capabilities = [{"name": one, "description": one, "via": f"way of {one}", "effect": "read"} for one in able]
-    said = {"identified_as": f"the {name}", "class": "thing", "confidence": 0.8, "method": "kernel_class"}
-    return {"id": name, "category": category, **said, "evidence": [], "capabilities": capabilities, **more}
+    fields = {"identified_as": f"the {name}", "class": "thing", "confidence": 0.8, "method": "kernel_class"}
+    return {"id": name, "category": category, **fields, "evidence": [], "capabilities": capabilities, **more}
 
 
 def left(name: str, reason: str, detail: str = "") -> dict[str, Any]:

@@ -104,7 +104,7 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
             if text:
                 (tree.root / "sys/devices" / place / attribute).write_text(f"{text}\n")
     kind.build(tree, place if kind.bus != "usb" else f"{place}/{place.rpartition('/')[2]}:1.0", slot)
-    told = kind.bus == "usb" and strings == "tell"
+    is_known = kind.bus == "usb" and strings == "tell"
     return Made(
         kind=name,
         place=place,
@@ -112,7 +112,7 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
         default_serial=serial in DEFAULT_SERIALS,
         categories=frozenset(_categories(kind, strings)),
         tools=frozenset(kind.tools),
-        product=model if told else "",
+        product=model if is_known else "",
     )
 
 
@@ -217,8 +217,8 @@ def _untrue(
     has = {tool for each in own for name, tool in tools if name == each["id"]}
     if device.tools and has.isdisjoint(device.tools) and cut.isdisjoint(each["id"] for each in own):
         yield f"tools {sorted(has)}, none of {sorted(device.tools)}"
-    said = " | ".join(each["identified_as"] for each in named)
-    if device.product and device.product.casefold() not in said.casefold():
-        yield f"its strings tell {device.product}, and it is called {said}"
+    text = " | ".join(each["identified_as"] for each in named)
+    if device.product and device.product.casefold() not in text.casefold():
+        yield f"its strings tell {device.product}, and it is called {text}"
     if device.default_serial and own[0]["instance"]["strength"] == "strong":
         yield "a default serial number is taken for its own"

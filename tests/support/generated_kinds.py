@@ -30,8 +30,8 @@ class Kind:
 
 def _member(kind: str, name: str, attributes: dict[str, str], node: bool = False) -> Callable[[Tree, str, int], None]:
     def build(tree: Tree, path: str, number: int) -> None:
-        told = {"DEVNAME": f"{name}{number}"} if node else {}
-        tree.member(f"{path}/{kind}/{name}{number}", kind, attributes, **told)
+        fields = {"DEVNAME": f"{name}{number}"} if node else {}
+        tree.member(f"{path}/{kind}/{name}{number}", kind, attributes, **fields)
 
     return build
 

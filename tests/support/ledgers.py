@@ -86,7 +86,7 @@ class Bench:
         """Propose that the elbow is hot; what of it is otherwise comes by name."""
         names = tuple(each if isinstance(each, str) else each.id for each in cites)
         by = more.pop("by", "watch")
-        told: dict[str, Any] = {
+        fields: dict[str, Any] = {
             "target": ELBOW_TARGET,
             "fault": "none",
             "statement": "the elbow is hot",
@@ -96,7 +96,7 @@ class Bench:
             "restrictions": (STILL,),
             **more,
         }
-        return self.ledger.propose(Proposal(**told), by)
+        return self.ledger.propose(Proposal(**fields), by)
 
     def code(self, *cites: Reading | str, **more: Any) -> str:
         """The code for which a claim is refused or waits; empty for one that is believed."""

@@ -39,7 +39,7 @@ class Terminal:
         self.raw = b""
         self._master, slave = pty.openpty()
         settings = {"TERM": "xterm", "COLUMNS": str(COLUMNS), "LINES": str(LINES)}
-        told = slave if stdout is None else stdout if isinstance(stdout, int) else stdout.fileno()
+        found = slave if stdout is None else stdout if isinstance(stdout, int) else stdout.fileno()
         self.process: subprocess.Popen[bytes] | warm.Begun
         if program:
             self.process = subprocess.Popen(
@@ -47,13 +47,13 @@ class Terminal:
                 cwd=folder,
                 env={**settings, **environ},
                 stdin=slave,
-                stdout=told,
+                stdout=found,
                 stderr=slave,
                 start_new_session=True,
                 preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),  # so that Ctrl-C becomes a signal
             )
         else:
-            streams = (slave, told, slave)
+            streams = (slave, found, slave)
             self.process = warm.begin(OCTOFORM, arguments, folder, {**settings, **environ}, streams)
         os.close(slave)
         self._reader = threading.Thread(target=self._read, daemon=True)

@@ -111,8 +111,8 @@ class Bench:
     def sensor_volts(self) -> float:
         """What the simulated sensor's driver itself measures at its first input, in volts."""
         files = "in_voltage0_raw in_voltage0_offset in_voltage0_scale"
-        told = self.guest.run(f"cd $(dirname /sys/bus/iio/devices/*/in_voltage0_raw) && cat {files}")
-        raw, offset, scale = map(float, told.split())
+        found = self.guest.run(f"cd $(dirname /sys/bus/iio/devices/*/in_voltage0_raw) && cat {files}")
+        raw, offset, scale = map(float, found.split())
         return (raw + offset) * scale / 1000
 
     def renumber_sensor(self) -> tuple[str, str]:

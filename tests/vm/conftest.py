@@ -38,8 +38,8 @@ def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
     seen = terminalreporter.config.stash.get(_SEEN, [])
     if seen:
         terminalreporter.section("on real kernels")
-    for arch, what, said in seen:
-        terminalreporter.write_line(f"{arch:6} {what:22} {said}")
+    for arch, what, text in seen:
+        terminalreporter.write_line(f"{arch:6} {what:22} {text}")
 
 
 @pytest.fixture(scope="session", params=ARCHITECTURES)

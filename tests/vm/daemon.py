@@ -47,8 +47,8 @@ class Watch:
                 if wanted(episode):
                     return episode
             time.sleep(0.3)
-        said = self.octoform.guest.run("tail -n 20 /root/watch.log", check=False)
-        raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{said}")
+        found = self.octoform.guest.run("tail -n 20 /root/watch.log", check=False)
+        raise AssertionError(f"not noticed within {seconds:.0f} s\n{self.episodes()[since:]}\n{found}")
 
     def rediscovered(self, since: int, seconds: float) -> str:
         """Wait until hardware was onboarded after the first ``since`` troubles, and no change of it is open.
@@ -83,8 +83,8 @@ def watching(octoform: Octoform) -> Iterator[Watch]:
     octoform.guest.run(f"setsid sh -c {shlex.quote(whole)} >/dev/null 2>&1 & echo started")
     try:
         octoform.guest.until(f"test -e /root/watch.ended || test -s {PROJECT}/.octoform/bench/daemon/health.json")
-        said = octoform.guest.run("tail -n 30 /root/watch.log", check=False)
-        assert octoform.guest.run(f"pgrep -f '{LEFT}'", check=False), f"the daemon ended\n{said}"
+        found = octoform.guest.run("tail -n 30 /root/watch.log", check=False)
+        assert octoform.guest.run(f"pgrep -f '{LEFT}'", check=False), f"the daemon ended\n{found}"
         yield Watch(octoform)
     finally:
         Watch(octoform).end()

@@ -148,9 +148,9 @@ class Guest:
         done = subprocess.run(["ssh", *self.ssh, line], input=stdin, capture_output=True, timeout=seconds, check=False)
         printed = done.stdout.decode("utf-8", "replace")
         if check and done.returncode:
-            said = printed + done.stderr.decode("utf-8", "replace")
+            text = printed + done.stderr.decode("utf-8", "replace")
             raise GuestError(
-                f"{line} -> {done.returncode}\n{said[-_TAIL:]}\nthe kernel said last:\n{self._kernel_log()}"
+                f"{line} -> {done.returncode}\n{text[-_TAIL:]}\nthe kernel said last:\n{self._kernel_log()}"
             )
         return printed.strip()
 

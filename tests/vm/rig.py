@@ -30,9 +30,9 @@ def identity(name: str) -> Identity:
     """What the rig's description says that this device tells of itself."""
     given = _GIVEN[name]
     text = Template(given["descriptors"]).safe_substitute(given["strings"])
-    said = dict(re.findall(r"^ +(\w+)=(.+)$", text, re.MULTILINE))
-    vendor, product = int(said["idVendor"], 16), int(said["idProduct"], 16)
-    return Identity(vendor, product, said["manufacturer"], said["product"], said.get("serial", ""))
+    fields = dict(re.findall(r"^ +(\w+)=(.+)$", text, re.MULTILINE))
+    vendor, product = int(fields["idVendor"], 16), int(fields["idProduct"], 16)
+    return Identity(vendor, product, fields["manufacturer"], fields["product"], fields.get("serial", ""))
 
 
 @dataclass

@@ -86,11 +86,11 @@ def test_a_moved_serial_board_works_at_the_next_call(
 
 
 def test_a_board_pulled_in_the_middle_of_a_call(rig_bench: RigBench, watch: Watch, caller: McpClient, see: See) -> None:
-    since, said, attempts = watch.count(), list[str](), watch.octoform.attempts()
+    since, found, attempts = watch.count(), list[str](), watch.octoform.attempts()
     servo = rig_bench.servos.servos[6]
     goal = round(servo.position) + (900 if servo.position < 2048 else -900)
     mover = threading.Thread(
-        target=lambda: said.append(caller.refused("arm_move_joint", device=ARM, joint="gripper", position=goal))
+        target=lambda: found.append(caller.refused("arm_move_joint", device=ARM, joint="gripper", position=goal))
     )
     mover.start()
     goals = servo.goals.highest, servo.goals.lowest
@@ -98,12 +98,12 @@ def test_a_board_pulled_in_the_middle_of_a_call(rig_bench: RigBench, watch: Watc
         mover.join(0.05)
     with rig_bench.pulled("arm", "/dev/ttyACM0", "/dev/ttyACM1", 9):
         mover.join(180.0)
-        assert said, "the call never ended"
+        assert found, "the call never ended"
         watch.until(about(ARM, "device_gone"), since)
     watch.until(over(ARM, "device_gone"), since)
     assert len(caller.call("arm_status", device=ARM)["joints"]) == 6
     assert watch.octoform.attempts() == attempts, "an agent ran"
-    see("daemon, in a call", f"{said[0][:70]!r}; back and read again")
+    see("daemon, in a call", f"{found[0][:70]!r}; back and read again")
 
 
 def test_two_boards_that_change_places(rig_bench: RigBench, watch: Watch, caller: McpClient, see: See) -> None:

@@ -140,8 +140,8 @@ def test_a_temperature_is_what_the_chip_measures(bench: Bench, octoform: Octofor
     if bench.arch == "arm64":  # this kernel can simulate no chip; QEMU's NVMe disk has a sensor
         disk = next(tool for tool in octoform.artifact("interface")["tools"] if tool["name"] == "read_temperature")
         celsius = next(iter(readings(octoform.call("read_temperature", device=disk["devices"][0])).values()))
-        told = int(bench.guest.run("cat /sys/class/nvme/nvme0/hwmon*/temp1_input")) / 1000
-        assert celsius == pytest.approx(told)
+        found = int(bench.guest.run("cat /sys/class/nvme/nvme0/hwmon*/temp1_input")) / 1000
+        assert celsius == pytest.approx(found)
         see("hwmon", f"{celsius} degC, as the kernel tells")
         return
     for degrees in (25.5, 61.0):

@@ -58,8 +58,8 @@ def test_the_rig_is_known_by_its_evidence(rigged: Octoform, see: See) -> None:
 
 def test_each_step_proved_that_it_moves(rigged: Octoform, rig_bench: RigBench, see: See) -> None:
     for step in STEPS:
-        told = rigged.artifact(f"steps/{step}")
-        assert (told["step"], told["skipped"]) == (step, []), told
+        found = rigged.artifact(f"steps/{step}")
+        assert (found["step"], found["skipped"]) == (step, []), found
     goals = {name: rig_bench.servos.servos[number].goals for name, number in UNITS.items()}
     assert [name for name, asked in goals.items() if asked.highest - asked.lowest < AWAY / 2] == []
     assert {line.split()[0] for line in rig_bench.line.lines} >= {"MOVE_X", "MOVE_Y"}
@@ -71,8 +71,8 @@ def test_the_second_plan_has_nothing_to_do(rigged: Octoform) -> None:
 
 
 def test_a_status_is_what_the_motors_have(client: McpClient, rig_bench: RigBench, see: See) -> None:
-    told = client.call("arm_status", device=ARM)
-    by_name = {unit["joint"]: unit for unit in told["joints"]}
+    found = client.call("arm_status", device=ARM)
+    by_name = {unit["joint"]: unit for unit in found["joints"]}
     assert set(by_name) == set(UNITS)
     for name, number in UNITS.items():
         servo, unit = rig_bench.servos.servos[number], by_name[name]
@@ -88,11 +88,11 @@ def test_a_joint_moves_and_the_camera_sees_it(client: McpClient, rig_bench: RigB
     begun = servo.position
     goal = round(begun) + (AWAY if begun + AWAY < servo.value("highest") else -AWAY)
     before, again = client.picture(CAMERA), client.picture(CAMERA)
-    told = client.call("arm_move_joint", device=ARM, joint="elbow_flex", position=goal)
+    found = client.call("arm_move_joint", device=ARM, joint="elbow_flex", position=goal)
     after = client.picture(CAMERA)
-    assert told["moved"] is True
+    assert found["moved"] is True
     assert abs(servo.position - goal) <= 10, (servo.position, goal)
-    assert abs(told["position"] - servo.position) <= 10, told
+    assert abs(found["position"] - servo.position) <= 10, found
     assert all(abs(was - now) <= 20 for was, now in zip(still, rest_of(rig_bench), strict=True)), "another joint moved"
     see("arm, one joint", f"elbow_flex from {begun:.0f} to {servo.position:.0f}; {seen_to_move(before, again, after)}")
 
@@ -110,8 +110,8 @@ def test_the_rail_moves_and_the_camera_sees_it(client: McpClient, rig_bench: Rig
     client.call("rail_move_y", device=RAIL, steps=-150)
     after = client.picture(CAMERA)
     assert rig_bench.line.position == {"X": 900, "Y": -150}
-    told = client.call("rail_position", device=RAIL)
-    assert (told["x"], told["y"]) == (900, -150), told
+    found = client.call("rail_position", device=RAIL)
+    assert (found["x"], found["y"]) == (900, -150), found
     see("rail", f"at X 900, Y -150; {seen_to_move(before, again, after)}")
 
 
@@ -130,13 +130,13 @@ def test_a_pulled_arm_is_told_of_and_found_in_another_port(
     servo = rig_bench.servos.servos[UNITS["wrist_flex"]]
     goal = round(servo.position) + (AWAY if servo.position + AWAY < servo.value("highest") else -AWAY)
     with rig_bench.pulled("arm", "/dev/ttyACM0", "/dev/ttyACM2", 9):
-        said = absent(ARM, client.refused("arm_move_joint", device=ARM, joint="wrist_flex", position=goal))
+        found = absent(ARM, client.refused("arm_move_joint", device=ARM, joint="wrist_flex", position=goal))
         assert client.picture(CAMERA).width == 320, "the camera went with the arm"
     client.call("arm_move_joint", device=ARM, joint="wrist_flex", position=goal)
     assert abs(servo.position - goal) <= 10, (servo.position, goal)
     assert rigged.status("plan", "-detailed-exitcode") == 0, rigged.run("plan")
     assert rigged.attempts() == before, "an agent ran"
-    see("arm, pulled", f"{said[:80]!r}; moves again at ttyACM2")
+    see("arm, pulled", f"{found[:80]!r}; moves again at ttyACM2")
 
 
 def test_rail_and_camera_come_back_under_other_names(

@@ -95,8 +95,8 @@ def _whole(path: Path) -> Rewrite | None:
     """The rewrite of a file; None where it is not whole, or not what its id states."""
     data, _ = read_regular(path)
     try:
-        told = record(parse(data or b"{}"), 1)
-        found = Rewrite(*(str(told[name]) for name in _NAMES))
+        fields = record(parse(data or b"{}"), 1)
+        found = Rewrite(*(str(fields[name]) for name in _NAMES))
         whole = found.id == identity_of(found.source)
     except (ValueError, LookupError, TypeError):
         return None

@@ -243,8 +243,8 @@ def _read(layout: Layout) -> Adoption | None:
     """What a killed run was about to adopt; None when there is nothing whole."""
     data, _ = read_regular(layout.local / RECORD)
     try:
-        told = files.parse(data or b"")
-        found = Adoption(*(str(told[name]) for name in ("node", "base", "digest", "source")))
+        fields = files.parse(data or b"")
+        found = Adoption(*(str(fields[name]) for name in ("node", "base", "digest", "source")))
     except (ValueError, LookupError, TypeError):
         return None
     return found if digest.of_bytes(found.source.encode()) == found.digest else None

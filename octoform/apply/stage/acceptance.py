@@ -106,8 +106,10 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
     if outcome.reason is ExitReason.FINISHED:
         return []
     # What a program prints for machines is no quotation; its own closing words are in the detail.
-    said = tail(task.log, LINES_QUOTED, BYTES_QUOTED) if outcome.turns is None else ""
-    detail = "\n".join(part for part in (outcome.detail, f"its last output: {said}" if said else "") if part) or None
+    message = tail(task.log, LINES_QUOTED, BYTES_QUOTED) if outcome.turns is None else ""
+    detail = (
+        "\n".join(part for part in (outcome.detail, f"its last output: {message}" if message else "") if part) or None
+    )
     if outcome.reason is ExitReason.CRASHED and printed(detail or ""):
         # Its own limits are ours, and asking it again would end in the same way.
         return [refusal(BlockingIOError(errno.EAGAIN, TEXT))]

@@ -362,8 +362,8 @@ def _briefings(context: Context, stage: str) -> tuple[str, ...]:
 
     DEPLOY chooses packages: it is given what they say of packages and files.
     """
-    told = packaging if stage == PACKAGES else briefing
-    return tuple(text for profile, devices in _held(context, stage) if (text := told(profile, devices)))
+    found = packaging if stage == PACKAGES else briefing
+    return tuple(text for profile, devices in _held(context, stage) if (text := found(profile, devices)))
 
 
 def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:

@@ -63,8 +63,8 @@ def readable_log(task: Task, outcome: Outcome) -> Path:
     """
     if outcome.turns is None:
         return task.log
-    told = [(moment.at, _line(moment.event)) for moment in transcript.read(task.transcript)]
-    lines = [f"{at:7.1f} s  {text}" for at, text in told if text]
+    items = [(moment.at, _line(moment.event)) for moment in transcript.read(task.transcript)]
+    lines = [f"{at:7.1f} s  {text}" for at, text in items if text]
     if not lines:
         return task.log
     story = task.workdir / FILE_NAME
@@ -122,8 +122,8 @@ def _joined(first: Finished, second: Finished, more: Assignment) -> Finished:
     verdict = second.verdict
     if verdict.accepted:
         detail = escalation.detail(first.verdict, verdict, more)
-        said = f"{verdict.found}; {detail['asked']} asked of {more.harness.name}"
-        verdict = replace(verdict, detail={**verdict.detail, "escalated": detail}, found=said)
+        text = f"{verdict.found}; {detail['asked']} asked of {more.harness.name}"
+        verdict = replace(verdict, detail={**verdict.detail, "escalated": detail}, found=text)
     return Finished(
         verdict=verdict,
         attempts=first.attempts + second.attempts,
@@ -237,8 +237,8 @@ def _attempt(
         edit = _note_edit(context, prepared)
     except OSError as problem:  # a full disk, or an agent that has made away with its own folder
         outcome = Outcome(ExitReason.CRASHED, None, 0.0)
-        told = guard.end(cleared(task.workdir / protected_paths.UNDONE)) if touched is None else touched
-        verdict = Verdict((*told, _refusal(problem, task.workdir)), last=is_shortage(problem))
+        found = guard.end(cleared(task.workdir / protected_paths.UNDONE)) if touched is None else touched
+        verdict = Verdict((*found, _refusal(problem, task.workdir)), last=is_shortage(problem))
     except BaseException:
         # What the agent did to others' files is undone also when nobody waits for its output any more; later
         # differences are of a repair that is being tried, which its own way back takes away.
@@ -322,8 +322,8 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
 
 
 def _with(found: str, detail: Mapping[str, object]) -> str:
-    said = detail.get("said")
-    return f"{found}, {said}" if said else found
+    result = detail.get("said")
+    return f"{found}, {result}" if result else found
 
 
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:

@@ -82,8 +82,8 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
     if outcome is not None:
         ended = replace(outcome, reason=ExitReason.INTERRUPTED, detail="octoform was stopped before it was judged")
     else:
-        told = so_far.usage.input_tokens is not None or so_far.usage.output_tokens is not None
-        known = so_far.usage if told else read_usage(task.workdir)
+        is_known = so_far.usage.input_tokens is not None or so_far.usage.output_tokens is not None
+        known = so_far.usage if is_known else read_usage(task.workdir)
         seconds = context.clock.monotonic() - so_far.began
         detail = "octoform was stopped while it worked"
         ended = Outcome(ExitReason.INTERRUPTED, None, seconds, detail, known, turns=so_far.turns)

@@ -30,8 +30,8 @@ _HINT = "an agent must not hand over what one logs in with; the output was taken
 
 def leaked(task: Task, data: bytes) -> list[Diagnostic]:
     """An error for each secret that is in an output, however it is spelt; the secret itself is not told."""
-    said = [("", data.decode("utf-8", "replace")), *_readings(task.stage, data)]
-    return [*_given_in(task, said), *_looking_like_one(task, said)]
+    lines = [("", data.decode("utf-8", "replace")), *_readings(task.stage, data)]
+    return [*_given_in(task, lines), *_looking_like_one(task, lines)]
 
 
 def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
@@ -44,7 +44,7 @@ def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
     places = [place for place, text in _strings(value, "") if _shows_one(text)]
     if not places:
         return data, []
-    told = [
+    lines = [
         warning(
             "APPLY-CREDENTIAL-IN-OUTPUT",
             "a device's text looks like a token, a key or a password; it is blanked out",
@@ -53,7 +53,7 @@ def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
         )
         for place in places[:MOST_PLACES]
     ]
-    return json.dumps(blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), told
+    return json.dumps(blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), lines
 
 
 def blanked(value: Any) -> Any:

@@ -97,12 +97,12 @@ def _right(value: Any, found: Iterable[Diagnostic]) -> str:
     if not isinstance(value, dict) or any(len(place) < 2 for place in places):
         return ""
     named = {tuple(place) for place in places}
-    said = []
+    lines = []
     for name, members in value.items():
         wrong = sum(1 for key, _ in named if key == name)
         if isinstance(members, list) and len(members) > wrong:
-            said.append(f"{len(members) - wrong} of {len(members)} {name}")
-    return f"No finding is about {', '.join(said)}." if said else ""
+            lines.append(f"{len(members) - wrong} of {len(members)} {name}")
+    return f"No finding is about {', '.join(lines)}." if lines else ""
 
 
 MOST_CHANGES = 40
@@ -122,9 +122,9 @@ def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | No
         return None
     names = sorted({*known.key_parts, *parts})
     moved = [(name, known.key_parts.get(name), parts.get(name)) for name in names]
-    told = [line for name, before, after in moved if before != after for line in _moved(context, name, before, after)]
-    more = [f"and {len(told) - MOST_CHANGES} more"] if len(told) > MOST_CHANGES else []
-    return Failed((), None, context.specs[stage].text, former, changed=(*told[:MOST_CHANGES], *more))
+    lines = [line for name, before, after in moved if before != after for line in _moved(context, name, before, after)]
+    more = [f"and {len(lines) - MOST_CHANGES} more"] if len(lines) > MOST_CHANGES else []
+    return Failed((), None, context.specs[stage].text, former, changed=(*lines[:MOST_CHANGES], *more))
 
 
 def _moved(context: Context, part: str, before: str | None, after: str | None) -> Iterator[str]:

@@ -175,18 +175,18 @@ def _declared(context: Context, source: str) -> tuple[Environment | None, list[D
         return environment, found
     kept = [item for item in wanted if item not in spare]
     environment, _ = _made(context, kept)
-    told = []
+    lines = []
     for item in spare if environment is not None else ():
         tried, problems = _made(context, [*kept, item])
         if tried is not None:
             environment, kept = tried, [*kept, item]
             continue
-        said = "\n".join(problem.detail or problem.summary for problem in problems)
+        text = "\n".join(problem.detail or problem.summary for problem in problems)
         hint = "DEPLOY reports it as failed, and the tools that need it are skipped"
-        told.append(
-            warning("SERVE-DEPENDENCY-FAILED", f"{shown_text(item)} cannot be had here", detail=said, hint=hint)
+        lines.append(
+            warning("SERVE-DEPENDENCY-FAILED", f"{shown_text(item)} cannot be had here", detail=text, hint=hint)
         )
-    return (environment, told) if environment is not None else (None, found)
+    return (environment, lines) if environment is not None else (None, found)
 
 
 def _is_at_top(requirement: str, source: str) -> bool:

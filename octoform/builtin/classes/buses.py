@@ -135,8 +135,8 @@ def _by_bus(device: Device) -> Claim | None:
         if device.pci_class and device.pci_class.startswith(code):
             evidence = device.cite_key("class_code", f"PCI {noun}")
             # A code that stands for all multimedia says less than the registered name of the function.
-            told = words.spoken_of(device.database.product) if code.startswith("04") else None
-            kind, category, noun = told or (kind, category, noun)
+            found = words.spoken_of(device.database.product) if code.startswith("04") else None
+            kind, category, noun = found or (kind, category, noun)
             return Claim(kind, category, noun, (evidence,))
     return None
 

@@ -130,9 +130,9 @@ def claim(device: Device) -> Claim | None:
         return None  # jack switches, headset keys and camera buttons: no input device that anyone would ask for
     if groups:
         return _from_events(device, groups)
-    told = claim_input(device)
-    if told:
-        return told
+    found = claim_input(device)
+    if found:
+        return found
     if shown := _from_boot(device):
         return shown
     if interface := device.usb(*_GAME_INTERFACES):
@@ -206,9 +206,9 @@ def _leading(device: Device) -> str:
 
 
 def _kinds(group: dict[str, Fact]) -> list[str]:
-    told = group["kinds"].text.split(",") if "kinds" in group else []
+    lines = group["kinds"].text.split(",") if "kinds" in group else []
     udev = [kind for key, kind in _UDEV.items() if f"udev.{key}" in group]
-    return [kind for kind in dict.fromkeys(udev or told) if kind in _ORDER]
+    return [kind for kind in dict.fromkeys(udev or lines) if kind in _ORDER]
 
 
 def _sends(group: dict[str, Fact]) -> bool:

@@ -138,8 +138,8 @@ def _names(device: Device) -> tuple[tuple[str, ...], ...]:
 
 
 def _is_processor(device: Device, names: list[str]) -> bool:
-    told = device.udev_text("ID_V4L_CAPABILITIES")
-    if ":capture:" in told and ":video_output:" in told:
+    found = device.udev_text("ID_V4L_CAPABILITIES")
+    if ":capture:" in found and ":video_output:" in found:
         return True
     spoken = set(product_names.words(" ".join([*names, device.name])))
     if {"input", "output"} <= spoken:
@@ -236,9 +236,9 @@ def claim_vendor(device: Device) -> Claim | None:
 
 def _directions(device: Device) -> set[str]:
     """p and c: what the card's PCM devices do, as PROBE reports it or as the kernel names them."""
-    told = " ".join(fact.text for fact in device.of("sound") if fact.key.startswith("pcm"))
+    text = " ".join(fact.text for fact in device.of("sound") if fact.key.startswith("pcm"))
     named = {name[-1] for kind, name in device.nodes if kind == "sound" and name.startswith("pcm")}
-    return named | ({"p"} if "playback" in told else set()) | ({"c"} if "capture" in told else set())
+    return named | ({"p"} if "playback" in text else set()) | ({"c"} if "capture" in text else set())
 
 
 def _by_interfaces(device: Device) -> set[str]:

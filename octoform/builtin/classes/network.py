@@ -177,8 +177,8 @@ def _names_a_product(device: Device) -> bool:
 
 def _is_registered(device: Device) -> bool:
     """True when the numbers of a device without strings were given to a product, and not to a chip or its wire."""
-    told = device.database.product
-    return product_names.names_a_product(told) and product_names.adds_to(device.database.vendor, told)
+    found = device.database.product
+    return product_names.names_a_product(found) and product_names.adds_to(device.database.vendor, found)
 
 
 # Network adapters and Bluetooth adapters: their state as the kernel shows it. Nothing is sent, switched or paired.

@@ -48,10 +48,10 @@ def _printer_names(device: Device) -> tuple[tuple[str, str], ...]:
     """Maker and model from the printer's IEEE 1284 id."""
     found = []
     for fact in device.of("usbmisc", "ieee1284_id"):
-        told = dict(pair.split(":", 1) for pair in fact.text.split(";") if ":" in pair)
-        model = told.get("MDL") or told.get("MODEL", "")
+        fields = dict(pair.split(":", 1) for pair in fact.text.split(";") if ":" in pair)
+        model = fields.get("MDL") or fields.get("MODEL", "")
         if model:
-            found.append((product_names.join(told.get("MFG") or told.get("MANUFACTURER", ""), model), fact.line))
+            found.append((product_names.join(fields.get("MFG") or fields.get("MANUFACTURER", ""), model), fact.line))
     return tuple(found)
 
 
@@ -83,8 +83,8 @@ def claim_security(device: Device) -> Claim | None:
         ("ID_HARDWARE_WALLET", "security", "hardware wallet"),
         ("ID_SMARTCARD_READER", "security", "smart card reader"),
     ):
-        if told := device.udev(name):
-            return Claim(kind, INFRASTRUCTURE, noun, (Evidence(told.line, "udev's rules set this property"),))
+        if found := device.udev(name):
+            return Claim(kind, INFRASTRUCTURE, noun, (Evidence(found.line, "udev's rules set this property"),))
     if driver := device.udev("LIBFPRINT_DRIVER"):
         evidence = Evidence(driver.line, "the fingerprint library has a driver for it")
         return Claim("fingerprint", SENSOR, "fingerprint reader", (evidence,))

@@ -61,8 +61,8 @@ def _joined(maker: Fact | None, model: Fact | None) -> tuple[tuple[str, ...], ..
 
 def _is_optical(device: Device) -> bool:
     disks = [name for kind, name in device.nodes if kind == "block"]
-    told = device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
-    return told or (bool(disks) and all(name.startswith("sr") for name in disks))
+    is_known = device.text("type") in _OPTICAL_TYPES or bool(device.udev_text("ID_CDROM"))
+    return is_known or (bool(disks) and all(name.startswith("sr") for name in disks))
 
 
 def _inventory() -> Capability:

@@ -134,8 +134,8 @@ def claim_instrument(device: Device) -> Claim | None:
 def claim(device: Device) -> Claim | None:
     """A kind told by udev's rules, by the device's words, or by the database's; nothing otherwise."""
     for name, kind, category, noun in _UDEV:
-        if told := device.udev(name):
-            return Claim(kind, category, noun, (Evidence(told.line, "udev's rules set this property"),))
+        if found := device.udev(name):
+            return Claim(kind, category, noun, (Evidence(found.line, "udev's rules set this property"),))
     if device.bus != "usb" or device.usb(*_BOOT):
         return None
     table = _WORDS if device.usb(_HID) else (*_WORDS, *_INSTRUMENTS)
@@ -183,9 +183,9 @@ def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
     for interface in device.interfaces:
         if interface.label:
             yield interface.line, interface.label, "the interface's own words"
-    told = device.database
-    if told.product:
-        yield told.line, told.product, f"{told.source}: {told.vendor} {told.product}"
+    found = device.database
+    if found.product:
+        yield found.line, found.product, f"{found.source}: {found.vendor} {found.product}"
 
 
 def kind_of(text: str, table: Iterable[Entry]) -> tuple[str, str, str] | None:

@@ -64,14 +64,14 @@ def _translated(found: Identity) -> Identity:
         return found
     evidence = tuple(_with_meaning(each) for each in found.evidence)
     borne_out = {word for each in evidence for word in each.says.split()}
-    told = " ".join(word for word in glossary.english(found.name).split() if word in borne_out)
-    return Identity(f"{found.name} ({told})", found.confidence, found.method, evidence) if told else found
+    text = " ".join(word for word in glossary.english(found.name).split() if word in borne_out)
+    return Identity(f"{found.name} ({text})", found.confidence, found.method, evidence) if text else found
 
 
 def _with_meaning(cited: Evidence) -> Evidence:
     """The evidence with what its quote means in English."""
-    told = glossary.english(cited.quote)
-    return Evidence(cited.quote, f"{cited.says}; in English: {told}") if told else cited
+    found = glossary.english(cited.quote)
+    return Evidence(cited.quote, f"{cited.says}; in English: {found}") if found else cited
 
 
 def _is_cited(found: Identity, claim: Claim) -> bool:
@@ -137,9 +137,9 @@ def _trust_in_strings(device: Device, claim: Claim) -> float:
 def names_its_chip(device: Device) -> bool:
     """True when the product string names the chip in it: by the kernel's driver, the id database, or its form."""
     # What stands in brackets there is the wire of a product (CDC, UART), not its name.
-    told, product = re.sub(r"\(.*?\)", " ", device.database.product), device.product_text
+    found, product = re.sub(r"\(.*?\)", " ", device.database.product), device.product_text
     maker = device.text("manufacturer")
-    if product_names.describes_transport(told) and product_names.share_a_word(told, product):
+    if product_names.describes_transport(found) and product_names.share_a_word(found, product):
         return True
     telling = product_names.model_words(product)
     if any(product_names.is_part_of_driver(word, device.drivers) or product_names.is_family(word) for word in telling):
@@ -161,15 +161,15 @@ def _borne_out(device: Device, claim: Claim) -> bool:
 
     Never for a controller: that its maker registered the ids makes the registered product one of its many customers.
     """
-    told, own = device.database.product, f"{device.strings} {claim.noun}"
-    agrees = bool(told) and _maker_registered(device) and not product_names.speaks_of_another_kind(told, own)
+    found, own = device.database.product, f"{device.strings} {claim.noun}"
+    agrees = bool(found) and _maker_registered(device) and not product_names.speaks_of_another_kind(found, own)
     return agrees and claim.kind in _OWN_IDS
 
 
 def _lends_its_vendor(device: Device, claim: Claim) -> bool:
     """True when the registered vendor may stand for a maker that the strings do not name."""
-    told = device.database.product
-    return claim.kind not in _BORROWED and not any(_is_medium(claim, text) for text in (device.product_text, told))
+    found = device.database.product
+    return claim.kind not in _BORROWED and not any(_is_medium(claim, text) for text in (device.product_text, found))
 
 
 def _registered(device: Device, claim: Claim) -> Identity | None:

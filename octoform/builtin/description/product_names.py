@@ -199,11 +199,11 @@ def adds_to(maker: str, product: str) -> bool:
     Two letters alone are the initials of anyone who sells it, unless they are behind the maker's whole name and are not
     its own: that is how a maker calls one of several models.
     """
-    said = set(words(maker))
+    names = set(words(maker))
     spoken = words(_DOTTED.sub(" ", product))
     numbers = [word for word in spoken if word.isdigit() and len(word) > 1 and word not in GENERIC]
     telling = [word for word in model_words(product) if len(word) > 2 or not word.isalpha()]
-    return bool(numbers) or not said.issuperset(telling) or _is_short_model(maker, product)
+    return bool(numbers) or not names.issuperset(telling) or _is_short_model(maker, product)
 
 
 def _is_short_model(maker: str, product: str) -> bool:
@@ -279,10 +279,10 @@ def is_state(text: str) -> bool:
 
 def is_placeholder(text: str) -> bool:
     """True for a manufacturer's field that names no one: 'Generic', 'VendorCo', or the kind of thing again."""
-    told = words(text)
-    if not told:
+    found = words(text)
+    if not found:
         return not is_foreign(text)
-    return PLACEHOLDER.issuperset(told) or (len(told) == 1 and told[0] in GENERIC)
+    return PLACEHOLDER.issuperset(found) or (len(found) == 1 and found[0] in GENERIC)
 
 
 def makes_chips(maker: str) -> bool:

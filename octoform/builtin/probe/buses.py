@@ -94,8 +94,8 @@ def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
     for attribute in ATTRIBUTES.get(node.subsystem, ()):
         node.add(attribute, _AT_ADDRESS.sub("", reader.text(f"{node.path}/{attribute}")))
     facts = dict(node.lines)
-    said = facts.get("name") or facts.get("description") or facts.get("id")
-    node.kind = _TRAILER.sub("", said or "") or _announced_kind(node.modalias) or node.driver
+    found = facts.get("name") or facts.get("description") or facts.get("id")
+    node.kind = _TRAILER.sub("", found or "") or _announced_kind(node.modalias) or node.driver
     if not node.kind and node.subsystem not in _NAMED_BY_PLACE:
         node.kind = _platform_kind(node, uevent)
 

@@ -237,8 +237,8 @@ def _tty(node: Node, _reader: Reader, _uevent: dict[str, str]) -> None:
 
 def _usbmisc(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
     # A printer's IEEE 1284 device id is an attribute of the USB interface (ABI/testing/sysfs-driver-usb-usblp).
-    told = reader.text(f"{node.path}/../../ieee1284_id")
-    pairs = [pair.partition(":") for pair in told.split(";") if ":" in pair]
+    message = reader.text(f"{node.path}/../../ieee1284_id")
+    pairs = [pair.partition(":") for pair in message.split(";") if ":" in pair]
     kept = [f"{key.strip()}:{text.strip()}" for key, _, text in pairs if key.strip().upper() in _PRINTER_KEYS]
     node.add("ieee1284_id", ";".join(kept))
 

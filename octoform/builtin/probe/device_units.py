@@ -95,7 +95,7 @@ def descriptor(unit: Unit) -> str:
         rows += [row for node in unit.members if node.subsystem in _UNPREFIXED for row in node.lines]
         rows += _member_rows([node for node in owned(unit) if node.subsystem not in _UNPREFIXED], _udev_rows(rows))
     secrets = secrets_of(unit)
-    lines = [f"{key}: {kernel_text.value(scrub(said, secrets))}" for key, said in rows if said]
+    lines = [f"{key}: {kernel_text.value(scrub(text, secrets))}" for key, text in rows if text]
     return _bounded([kernel_text.visible(line[:600]) for line in lines])
 
 
@@ -115,7 +115,7 @@ def _member_rows(nodes: list[Node], known: set[tuple[str, str]]) -> list[tuple[s
         for index, node in enumerate(speaking[:1] if alike else speaking):
             said_here = [*dict.fromkeys(row for row in node.lines if row not in known), ("driver", node.driver)]
             said_here.sort(key=lambda row: row[0].startswith("udev."))
-            rows += [(f"{subsystem}[{index}].{key}", said) for key, said in said_here if said]
+            rows += [(f"{subsystem}[{index}].{key}", text) for key, text in said_here if text]
     return rows
 
 
@@ -214,10 +214,10 @@ def entries(units: Iterable[Unit]) -> list[dict[str, object]]:
         numbers.setdefault(_kind_of(base, unit), []).append(_serial(unit))
     taken: set[str] = set()
     found = []
-    for base, said, _, unit in made:
+    for base, text, _, unit in made:
         others = list(numbers[_kind_of(base, unit)])
         others.remove(_serial(unit))
-        found.append(_entry(unit, _identity(base, taken), said, others))
+        found.append(_entry(unit, _identity(base, taken), text, others))
     return found
 
 
@@ -292,7 +292,7 @@ def _serial(unit: Unit) -> str:
 
 def _said(unit: Unit) -> list[str]:
     """What the unit says of its kind: no number is equal to one of these."""
-    return ["".join(unit.vid_pid()), *(said for node in (unit.head, *unit.members) for _, said in node.lines)]
+    return ["".join(unit.vid_pid()), *(text for node in (unit.head, *unit.members) for _, text in node.lines)]
 
 
 def _instance(unit: Unit, others: list[str]) -> dict[str, object]:

@@ -252,8 +252,8 @@ class Context:
         for line in [*reader.text("/proc/bus/input/devices", 8 * TEXT_BYTES).splitlines(), ""]:
             if line.strip():
                 kind, _, rest = line.partition(": ")
-                key, _, said = rest.partition("=")
-                block[f"{kind}.{key}"] = said.strip().strip('"')
+                key, _, found = rest.partition("=")
+                block[f"{kind}.{key}"] = found.strip().strip('"')
             elif block:
                 self._input(block)
                 block = {}

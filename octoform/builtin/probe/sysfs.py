@@ -134,10 +134,10 @@ class Sysfs:
         serial = properties.pop(SERIAL, "").removeprefix("0x")  # as the runtime compares it
         node.serial = node.serial or serial
         target = self._input_device(node)
-        said = {_plain(text) for _, text in target.lines}
+        names = {_plain(text) for _, text in target.lines}
         wanted = OF_CLASS.get(node.subsystem, "")
         for key, value in sorted(properties.items()):
-            repeated = key in STRING_PROPERTIES and (_plain(value) in said or value.startswith("Linux_"))
+            repeated = key in STRING_PROPERTIES and (_plain(value) in names or value.startswith("Linux_"))
             if key.startswith(wanted) and not repeated:
                 target.add(f"udev.{key}", value)
 

@@ -104,9 +104,9 @@ def in_class_order(nodes: Iterable[Node]) -> list[Node]:
 
 def secrets_of(unit: Unit) -> list[str]:
     nodes = (unit.head, *unit.members)
-    said_once = {said for node in nodes for said in (node.serial, node.address) if len(said) >= SCRUB_FROM}
+    said_once = {message for node in nodes for message in (node.serial, node.address) if len(message) >= SCRUB_FROM}
     # Some firmware repeats the product's name as its serial number; a number has a digit.
-    found = {said for said in said_once if any(map(str.isdecimal, said))}
+    found = {message for message in said_once if any(map(str.isdecimal, message))}
     return sorted(found, key=len, reverse=True)
 
 

@@ -146,8 +146,8 @@ def _environment() -> Environment:
 def sources(tool: Mapping[str, Any]) -> set[str]:
     """The kernel interfaces that a measurement comes from, as INTERFACE noted them; all when it did not."""
     note = str(tool["output_schema"].get("$comment", ""))
-    said = note.removeprefix("sources: ") if note.startswith("sources: ") else "hwmon, thermal, iio"
-    return set(said.split(", "))
+    text = note.removeprefix("sources: ") if note.startswith("sources: ") else "hwmon, thermal, iio"
+    return set(text.split(", "))
 
 
 def _used(text: str) -> set[str]:

@@ -156,15 +156,15 @@ def run_answer(arguments: Namespace, project: Path, screen: Console) -> int:
     if arguments.device is None:
         return _list(arguments, project, screen)
     if arguments.remove:
-        told, found = questions.take_back(project, os.environ, arguments.device)
+        result, found = questions.take_back(project, os.environ, arguments.device)
     else:
         sentence = arguments.sentence
         if sentence is None:
             return _answer_ask(arguments, project, screen)
-        told, found = questions.answer(project, os.environ, arguments.device, sentence)
-    if told is None:
+        result, found = questions.answer(project, os.environ, arguments.device, sentence)
+    if result is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return views.changed(screen, told, as_json=arguments.json)
+    return views.changed(screen, result, as_json=arguments.json)
 
 
 def _list(arguments: Namespace, project: Path, screen: Console) -> int:
@@ -194,8 +194,8 @@ def _answer_ask(arguments: Namespace, project: Path, screen: Console) -> int:
         sentence = views.ask(screen, known.about(arguments.device), arguments.device)
         if not sentence:
             return views.passed_over(screen)
-    told, found = questions.answer(project, os.environ, arguments.device, sentence)
-    return problems.show(screen, found) if told is None else views.changed(screen, told, as_json=False)
+    result, found = questions.answer(project, os.environ, arguments.device, sentence)
+    return problems.show(screen, found) if result is None else views.changed(screen, result, as_json=False)
 
 
 def run_attempts(arguments: Namespace, project: Path, screen: Console) -> int:

@@ -60,11 +60,11 @@ def run_devices(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.engine.inspect.devices import listing
     from octoform.views import devices
 
-    found, told = listing(project, os.environ)
+    found, result = listing(project, os.environ)
     if found is None:
-        return problems.show(screen, told, as_json=arguments.json)
+        return problems.show(screen, result, as_json=arguments.json)
     if not arguments.json:
-        problems.show(screen, told)
+        problems.show(screen, result)
     return devices.show(screen, found, as_json=arguments.json, verbose=arguments.v)
 
 

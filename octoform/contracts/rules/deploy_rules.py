@@ -25,12 +25,12 @@ _PYTHONS = tuple(f"3.{minor}.{patch}" for minor in range(8, 30) for patch in (0,
 def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A DEPLOY that reports failure has failed."""
     if value["status"] == "ok":
-        said = value.get("error", "").strip()
+        text = value.get("error", "").strip()
         hint = (
             "write status error where something is wrong; else leave `error` out (what was chosen goes to `conflicts`)"
         )
-        summary = f"DEPLOY reports success and an error at once: {escaped(said[:300])}"
-        return [error("DEPLOY-STATUS-ERROR", summary, pointer="/error", hint=hint)] if said else []
+        summary = f"DEPLOY reports success and an error at once: {escaped(text[:300])}"
+        return [error("DEPLOY-STATUS-ERROR", summary, pointer="/error", hint=hint)] if text else []
     reason = value.get("error", "").strip()
     summary = f"DEPLOY reports failure: {escaped(reason[:300])}" if reason else "DEPLOY reports failure and no reason"
     failed = [f"{item['name']}: {item['reason']}" for item in value.get("deps_failed", ())]

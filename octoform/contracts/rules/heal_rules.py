@@ -188,9 +188,9 @@ def _name(call: ast.Call) -> str:
 
 def _invents(before: _Side, after: _Side) -> Iterator[Diagnostic]:
     """No answer is a constant that was none before, and no name that held what was read holds a constant now."""
-    said = {ast.dump(node.value) for node in _returns(before) if node.value is not None}
+    names = {ast.dump(node.value) for node in _returns(before) if node.value is not None}
     for node in _returns(after):
-        if node.value is not None and _constant(node.value) and ast.dump(node.value) not in said:
+        if node.value is not None and _constant(node.value) and ast.dump(node.value) not in names:
             summary = f"the rewrite answers with {shown(ast.unparse(node.value), 40)}, which nothing has read"
             yield _placed(after.source, node, summary)
     read = {name for name, values in _assigned(before).items() if any(_asks(value) for value in values)}

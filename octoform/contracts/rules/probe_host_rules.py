@@ -60,7 +60,7 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         return []
     true = _by_id(known.scan)
     taken = {place: each["id"] for each in true.values() for place in _places(each)}
-    said = [
+    lines = [
         (*found, pointer("devices", index))
         for index, device in enumerate(value["devices"])
         if device["id"] in true
@@ -69,10 +69,10 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     platform, own = value["platform"], known.scan.probe["platform"]
     for name in _PLATFORM:
         if own.get(name) not in (None, "", "unknown") and not _agrees(str(platform.get(name, own[name])), own[name]):
-            said.append((name, shown(platform[name]), shown(own[name]), "/platform"))
+            lines.append((name, shown(platform[name]), shown(own[name]), "/platform"))
     host, named = str(known.scan.probe.get("hostname", "")), str(value["hostname"])
     if host and named and host.partition(".")[0].casefold() != named.partition(".")[0].casefold():
-        said.append(("hostname", shown(named), shown(host), ""))
+        lines.append(("hostname", shown(named), shown(host), ""))
     return [
         error(
             "PROBE-CONTRADICTED",
@@ -80,7 +80,7 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
             pointer=f"{where}/{member.partition('.')[0]}",
             hint=f"write {right}; where the host shows nothing, leave the member out",
         )
-        for member, given, right, where in said
+        for member, given, right, where in lines
     ]
 
 
@@ -141,8 +141,8 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     if known.scan is None:
         return []
     worked = [scan for scan in value["scan_methods"] if scan["status"] == "ok"]
-    told = " ".join(f"{scan['name']} {scan.get('detail', '')}" for scan in worked).casefold()
-    if _WHOLE_TREE.search(told):
+    text = " ".join(f"{scan['name']} {scan.get('detail', '')}" for scan in worked).casefold()
+    if _WHOLE_TREE.search(text):
         return []
     shared = {device["interface"] for device in known.scan.probe["devices"] if _stands_alone(device)}
     listed = {device["interface"] for device in value["devices"] if device.get("context") is not True}
@@ -154,7 +154,7 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
             hint=f"list every way of looking with its status, with the bus or class in its name, such as {shown(name)}",
         )
         for name in sorted(listed & shared)
-        if name != "virtual" and _bare(name) not in _bare(told)
+        if name != "virtual" and _bare(name) not in _bare(text)
     ]
 
 
@@ -271,11 +271,11 @@ def _differences(
             yield name, _listed(device.get(name)), _listed(true.get(name))
     if (device.get("context") is True) != (true.get("context") is True):
         yield "context", str(device.get("context") is True).lower(), str(true.get("context") is True).lower()
-    said, own = device.get("instance", {}), true["instance"]
-    single = ("sysfs", "serial", "port") if _is_port(said, own) else ("sysfs", "serial")
+    found, own = device.get("instance", {}), true["instance"]
+    single = ("sysfs", "serial", "port") if _is_port(found, own) else ("sysfs", "serial")
     for name in single:
-        if said.get(name) and own.get(name) and said[name] != own[name]:
-            yield f"instance.{name}", shown(said[name]), shown(own[name])
+        if found.get(name) and own.get(name) and found[name] != own[name]:
+            yield f"instance.{name}", shown(found[name]), shown(own[name])
     free = {place for place in _places({**device, "interface": true["interface"]}) if place not in _places(true)}
     free = {place for place in free if "port" not in single or not place[0].startswith("port")}
     for name, place in sorted(each for each in free if taken.get(each, true["id"]) != true["id"]):

@@ -295,8 +295,8 @@ def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     """What the system calls a device is in what is stated of it: no one after PROBE can look it up."""
     out = []
     for index, device, true in _pairs(value, known.scan):
-        said = {word for text in _strings(device) for word in _words(text)}
-        lost = [word for word in _words(true["name"]) if word not in said and len(word) > 1]
+        names = {word for text in _strings(device) for word in _words(text)}
+        lost = [word for word in _words(true["name"]) if word not in names and len(word) > 1]
         if lost and not set(_words(true["interface"])) >= set(lost) and set(lost) != {"device"}:
             summary = f"the text of {shown(device['id'])} has nothing of {', '.join(map(shown, lost[:6]))}"
             hint = f"copy the system's own strings: it is called {shown(true['name'])} there"

@@ -245,8 +245,8 @@ def _is_told(value: JsonObject) -> bool:
 def _says_what_it_gives(device: JsonObject, capability: JsonObject, entry: JsonObject, artifacts: Artifacts) -> bool:
     """Whether a string of the device, or a database's entry for it, holds a word for what it measures or is."""
     raw = str(entry.get("raw_descriptor", ""))
-    told = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
-    own = said(told) - said(_MAKER.findall(raw))
+    lines = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
+    own = said(lines) - said(_MAKER.findall(raw))
     own = frozenset(word for word in own | parts(own) if not says_nothing(word))
     if any(is_class_word(word) for word in own) or any(
         says_language(each.get("says", "")) for each in device["evidence"]

@@ -134,11 +134,11 @@ class Looker:
             return replace(facts, answers=None, told=None)
         if not causes & ANSWERS or facts.put_off:
             return facts
-        answers, told = self._senses.answering(facts.process)
+        answers, found = self._senses.answering(facts.process)
         if answers is not True and running(self._layout) is None:  # it ended while it was asked
             put_off = frozenset() if self._traceless else causes - {Cause.PROCESS}
             return replace(facts, process=facts.process if put_off else None, answers=None, told=None, put_off=put_off)
-        return replace(facts, answers=answers, told=told)
+        return replace(facts, answers=answers, told=found)
 
     def _log(self, facts: Facts, causes: frozenset[Cause], *, changed: bool) -> Facts:
         hearing = self._senses.hearing

@@ -129,19 +129,19 @@ class Asked:
 
     def _told(self, question: bytes, ending: int | None) -> bytes:
         """What the runtime answers; nothing when its time is over, or ``ending`` can be read first."""
-        with _memory() as asked, _memory() as told:  # no file: the disk may be full
+        with _memory() as asked, _memory() as found:  # no file: the disk may be full
             asked.write(question)
             asked.seek(0)
             child = subprocess.Popen(
-                self._command, env=self._environment, stdin=asked, stdout=told, stderr=subprocess.DEVNULL
+                self._command, env=self._environment, stdin=asked, stdout=found, stderr=subprocess.DEVNULL
             )
             try:
                 _either(child.pid, ending)
             finally:
                 child.kill()  # does nothing to one that has ended
                 child.wait()
-            told.seek(0)
-            return told.read() if child.returncode == 0 else b""
+            found.seek(0)
+            return found.read() if child.returncode == 0 else b""
 
 
 def _memory() -> FileIO:

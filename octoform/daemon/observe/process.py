@@ -113,23 +113,23 @@ class Answering:
         if process.instance != self._instance:
             self._instance, self._shut, self._greet = process.instance, {}, 0.0
         began = self._uptime()
-        told, hangs = self._told()
-        if told is None:
+        found, hangs = self._told()
+        if found is None:
             stays = self._stays("control", began)
             return (False, None) if stays or (hangs and not self.busy(process.pid)) else (None, None)
         self._shut.pop("control", None)
         if self._loop():
-            return True, told
-        return (False, told) if self._stays("clients", self._uptime()) else (True, told)
+            return True, found
+        return (False, found) if self._stays("clients", self._uptime()) else (True, found)
 
     def _told(self) -> tuple[Mapping[str, Any] | None, bool]:
         """What it answers; or that it took the question twice without an answer, as only a hung process does."""
         waited = []
         for _ in range(2):
             began = self._uptime()
-            told = self.ask(self._layout, ASK_SECONDS)
-            if told is not None and "error" not in told:
-                return told, False
+            found = self.ask(self._layout, ASK_SECONDS)
+            if found is not None and "error" not in found:
+                return found, False
             waited.append(self._uptime() - began)
             if waited[-1] < _AT_ONCE:
                 break  # the door is shut: asking again at once says nothing new

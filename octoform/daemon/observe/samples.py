@@ -215,10 +215,10 @@ class Frames:
         """What is wrong with the picture (empty: nothing) and its brightness; one of nothing where there is none."""
         if running(self._layout) is None:
             return ()  # a look would start it
-        told = self._look()
-        source, picture = str(told.get("camera") or "camera"), told.get("picture")
+        found = self._look()
+        source, picture = str(found.get("camera") or "camera"), found.get("picture")
         if not isinstance(picture, Mapping):
-            why = _text(str(told.get("detail") or "there was no picture"))
+            why = _text(str(found.get("detail") or "there was no picture"))
             return (self._make(Signal(Channel.FRAME, source, "/trouble"), None, why),)
         values = {"trouble": _text(str(picture.get("trouble") or ""))}
         values |= {name: picture[name] for name in ("mean", "spread") if isinstance(picture.get(name), int | float)}

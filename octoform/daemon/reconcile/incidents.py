@@ -93,10 +93,10 @@ class Troubles:
             if finding.key not in self.memory.episodes.open and not self._goes_on_as(finding, {*found, *held}, facts):
                 self._begin(finding, facts)
         for key, episode in list(self.memory.episodes.open.items()):
-            told = within(episode.kind, episode.target) and not (
+            is_known = within(episode.kind, episode.target) and not (
                 _untold(episode, facts) or self._hidden(episode, found)
             )
-            if key not in found and key not in held and told:
+            if key not in found and key not in held and is_known:
                 self._end(episode, facts)
 
     def is_being_ended(self, finding: Finding, held: Collection[str]) -> bool:

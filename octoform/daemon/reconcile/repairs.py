@@ -264,8 +264,8 @@ class Trying:
             self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
         if frozen is None:
             return None
-        told = f"{frozen}; {hint(finding.kind, finding.target)}"
-        self.troubles.stands(finding, Outcome.FROZEN, facts, told)
+        text = f"{frozen}; {hint(finding.kind, finding.target)}"
+        self.troubles.stands(finding, Outcome.FROZEN, facts, text)
         return f"given up: {frozen}"
 
     def _bar(self, finding: Finding, acting: Finding, facts: Facts, waits: Waits, paused: bool) -> str | None:

@@ -281,9 +281,9 @@ class Supervisor:
 
 def _essence(facts: Facts) -> Facts:
     """The facts without what is another at each look and states nothing by itself."""
-    told = facts.told or {}
-    gate = told.get("gate")
-    kept = {"tunnel": told.get("tunnel"), "stuck": gate.get("stuck") if isinstance(gate, Mapping) else None}
+    fields = facts.told or {}
+    gate = fields.get("gate")
+    kept = {"tunnel": fields.get("tunnel"), "stuck": gate.get("stuck") if isinstance(gate, Mapping) else None}
     return replace(facts, uptime=0.0, stamp="", told=kept, disk_free=min(1, (facts.disk_free or 0) // LEAST_FREE))
 
 

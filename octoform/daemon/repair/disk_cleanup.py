@@ -41,8 +41,8 @@ def free(layout: Layout, wanted: int = WANTED) -> Done:
     while room(layout) < wanted and (what := next(things, None)) is not None:
         dropped.append(what)
     after = room(layout)
-    told = f"dropped {', '.join(dropped)}" if dropped else "octoform has no more files to delete"
-    text = f"{told}; {after // 1_000_000} MB are free now, {max(0, after - before) // 1_000_000} MB more than before"
+    message = f"dropped {', '.join(dropped)}" if dropped else "octoform has no more files to delete"
+    text = f"{message}; {after // 1_000_000} MB are free now, {max(0, after - before) // 1_000_000} MB more than before"
     if after >= wanted:
         return Done(True, text)
     return Done(False, f"{text}; free some space on that disk", again=False)

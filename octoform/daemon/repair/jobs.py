@@ -30,8 +30,13 @@ def _settings(project: str, _: Brief) -> dict[str, Any]:
         return _plain(False, f"the manifest has errors: {first.summary}", again=False)
     daemon = asdict(manifest.daemon)
     daemon["metrics"] = None if manifest.daemon.metrics is None else str(manifest.daemon.metrics)
-    told = {"host": manifest.host, "scope": manifest.scope, "daemon": daemon, "perception": asdict(manifest.perception)}
-    return {**_plain(True, ""), **told, "bounds": bounds(Path(project), os.environ)}
+    fields = {
+        "host": manifest.host,
+        "scope": manifest.scope,
+        "daemon": daemon,
+        "perception": asdict(manifest.perception),
+    }
+    return {**_plain(True, ""), **fields, "bounds": bounds(Path(project), os.environ)}
 
 
 def _restart(project: str, brief: Brief) -> dict[str, Any]:

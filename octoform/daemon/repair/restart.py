@@ -126,10 +126,10 @@ def _well(layout: Layout) -> bool:
 
     And when no tool's code holds a device although it was instructed to end: only another process sets that free.
     """
-    told = ask(layout, {"op": "status"}, ANSWER_SECONDS)
-    gate = told.get("gate") if told is not None else None
+    found = ask(layout, {"op": "status"}, ANSWER_SECONDS)
+    gate = found.get("gate") if found is not None else None
     stuck = gate.get("stuck") if isinstance(gate, dict) else None
-    return told is not None and not stuck and start_stop.accepts(layout)
+    return found is not None and not stuck and start_stop.accepts(layout)
 
 
 def _stays(process: Running, world: World) -> bool:

@@ -41,12 +41,12 @@ class Purse:
 
     def load(self, now: float = 0.0, stamp: str = "") -> None:
         """Take up what was spent before. Of a file that is damaged no one knows: then the hour counts as spent."""
-        said = len(self.shelf.said)
+        found = len(self.shelf.said)
         listed = self.shelf.read(FILE).get("spent")
         self._entries = (
             [_decoded(item) for item in listed if isinstance(item, dict)] if isinstance(listed, list) else []
         )
-        if len(self.shelf.said) != said:
+        if len(self.shelf.said) != found:
             self._entries = [Entry(now, stamp, self.boot, self.calls_per_hour, None)]
             self.save()
 

@@ -91,8 +91,8 @@ def as_json(recall: Recall) -> dict[str, Any]:
 def from_json(value: Mapping[str, Any]) -> Recall:
     """The opposite; LookupError, TypeError or ValueError for what is none."""
     failing = {
-        str(name): Failing(str(error), str(said), str(message), int(times), *map(str, stamps[:2]))
-        for name, (error, said, message, times, *stamps) in value["failing"].items()
+        str(name): Failing(str(error), str(text), str(message), int(times), *map(str, stamps[:2]))
+        for name, (error, text, message, times, *stamps) in value["failing"].items()
     }
     instance = value["instance"]
     return Recall(
@@ -142,7 +142,7 @@ def _found(facts: Facts) -> bool:
 def _once_more(before: Failing | None, call: LoggedCall, stamp: str) -> Failing:
     kind = call.error or ("Error" if call.ended else OVERDUE)
     error, message = escaped(kind)[:80], escaped(str(call.message or ""))[:MESSAGE_CHARS]
-    said = _CHANGING.sub("#", message)
+    found = _CHANGING.sub("#", message)
     if before is None:
-        return Failing(error, said, message, 1, stamp, stamp)
-    return replace(before, error=error, said=said, message=message, times=before.times + 1, last=stamp)
+        return Failing(error, found, message, 1, stamp, stamp)
+    return replace(before, error=error, said=found, message=message, times=before.times + 1, last=stamp)

@@ -39,8 +39,8 @@ def judged(facts: Facts, recall: Recall, standing: Iterable[Finding]) -> Iterato
 
 def tunnel(facts: Facts) -> Iterator[Finding]:
     """A tunnel that ought to run and does not; its own process opens it again, so it is only said."""
-    told = (facts.told or {}).get("tunnel")
-    if isinstance(told, Mapping) and told.get("state") not in ("running", "starting", "revoked"):
+    found = (facts.told or {}).get("tunnel")
+    if isinstance(found, Mapping) and found.get("state") not in ("running", "starting", "revoked"):
         yield Finding(
             Kind.TUNNEL_DOWN,
             FaultClass.NONE,
@@ -48,7 +48,7 @@ def tunnel(facts: Facts) -> Iterator[Finding]:
             "the tunnel does not run: the endpoint cannot be reached from the internet",
             ("down",),
             Repair.WAIT,
-            detail=escaped(str(told.get("reason") or ""))[:400],
+            detail=escaped(str(found.get("reason") or ""))[:400],
         )
 
 
@@ -215,10 +215,10 @@ def _package(reason: str) -> Finding:
 
 def _imports(facts: Facts, recall: Recall) -> Iterator[Finding]:
     """A package whose files are damaged inside is reported by what imports it: a tool, or a start that failed."""
-    said = {f"tool {name}": f"{each.error}: {each.message}" for name, each in sorted(recall.failing.items())}
+    fields = {f"tool {name}": f"{each.error}: {each.message}" for name, each in sorted(recall.failing.items())}
     if facts.process is None and facts.stopped_by is None and facts.start_failed:
-        said[THE_START] = facts.start_failed
-    for who, text in said.items():
+        fields[THE_START] = facts.start_failed
+    for who, text in fields.items():
         if not _IMPORT.search(text):
             continue
         match = _MISSING.search(text)

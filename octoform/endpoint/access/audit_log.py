@@ -64,8 +64,8 @@ class Wanted:
 
     def _from(self, record: Record) -> bool:
         part = (self.client or "").casefold()
-        said = f"{record.get('client') or ''}\n{record.get('caller') or ''}".casefold()
-        return "decision" in record and (part in said or part == str(record.get("pid")))
+        text = f"{record.get('client') or ''}\n{record.get('caller') or ''}".casefold()
+        return "decision" in record and (part in text or part == str(record.get("pid")))
 
 
 ALL = Wanted()

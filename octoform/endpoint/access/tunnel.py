@@ -46,7 +46,7 @@ def allow(layout: Layout) -> None:
 def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]]:
     """End the tunnel for good, as ``by`` wants; a Revocation only when it is proved to be gone."""
     private_folder(layout.run)
-    told = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
+    result = ask(layout, {"op": "revoke_tunnel", "by": by}, ASK_SECONDS)
     # In isolated mode, by the module's name: the launcher is no part of the core, and its word is read as text.
     command = [sys.executable, "-I", "-m", "octoform.server.tunnel_termination", str(layout.run)]
     try:
@@ -55,18 +55,18 @@ def revoke(layout: Layout, by: str) -> tuple[Revocation | None, list[Diagnostic]
         proved = done.returncode == 0 and found["proved"] is True
     except (OSError, subprocess.TimeoutExpired, ValueError, LookupError, TypeError) as problem:
         return None, [_not_proved(f"the check could not be made: {problem}")]
-    if (told is None or "proved" not in told) and found["pid"] is not None:
+    if (result is None or "proved" not in result) and found["pid"] is not None:
         # No process has written it. The tunnel is gone either way, so a log that cannot be written changes nothing.
         offline_commands.ask(layout, "note", {"event": "tunnel_revoked", "by": by, **found})
     if not proved:
         return None, [_not_proved(_left(found))]
-    first = told if told is not None and "proved" in told else found
+    first = result if result is not None and "proved" in result else found
     return Revocation(
         pid=found["pid"],
         url=found["url"],
         was_running=bool(first["was_running"] or found["was_running"]),
         answered_before=first["answered_before"],
-        asked=told is not None,
+        asked=result is not None,
         seconds=found["seconds"],
     ), []
 
@@ -122,11 +122,11 @@ def tunnel_now(layout: Layout) -> TunnelSight | None:
     """The tunnel as it is; None where the published endpoint has none."""
     if _published(layout).get("tunnel") is None:
         return None
-    told = (record.ask(layout, {"op": "status"}) or {}).get("tunnel")
-    if not isinstance(told, Mapping):
+    found = (record.ask(layout, {"op": "status"}) or {}).get("tunnel")
+    if not isinstance(found, Mapping):
         return TunnelSight("unknown", reason="the endpoint's process does not report it")
-    url, reason = told.get("url"), told.get("reason")
-    return TunnelSight(str(told.get("state")), str(url) if url else None, str(reason) if reason else None)
+    url, reason = found.get("url"), found.get("reason")
+    return TunnelSight(str(found.get("state")), str(url) if url else None, str(reason) if reason else None)
 
 
 def tunnel_opened(layout: Layout, seconds: float = OPEN_SECONDS) -> TunnelSight | None:

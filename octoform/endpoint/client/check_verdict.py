@@ -91,9 +91,9 @@ def of_another(call: TrialCall, devices: frozenset[str]) -> str | None:
     """The id of another device that a result gives for its own; None where it gives its own, or none."""
     for result in call.results if call.device is not None else ():
         if isinstance(result, dict):
-            told = [result[name] for name in sorted(_NAMES & result.keys()) if result[name] in devices]
-            if told and told[0] != call.device:
-                return str(told[0])
+            lines = [result[name] for name in sorted(_NAMES & result.keys()) if result[name] in devices]
+            if lines and lines[0] != call.device:
+                return str(lines[0])
         named = set(_texts(result)) & devices
         if named and call.device not in named:
             return sorted(named)[0]
@@ -104,8 +104,8 @@ def unmoved(call: TrialCall) -> str | None:
     """The attribute that moved while three results stayed the same; None where that was not seen."""
     if len(call.results) < 3 or len(call.raw) < 3:
         return None
-    told = [_numbers(result) for result in call.results]
-    if not told[0] or any(numbers != told[0] for numbers in told):
+    lines = [_numbers(result) for result in call.results]
+    if not lines[0] or any(numbers != lines[0] for numbers in lines):
         return None
     return next((name for name in call.raw[0] if _moves([table.get(name) for table in call.raw])), None)
 
@@ -123,9 +123,9 @@ def _measured(value: Any, schema: Any, where: str, unit: str | None) -> Iterator
         members = schema.get("properties", {}) if isinstance(schema, Mapping) else {}
         for name, item in value.items():
             inner = members.get(name, {})
-            said = inner.get("description") if isinstance(inner, Mapping) else None
+            found = inner.get("description") if isinstance(inner, Mapping) else None
             own = unit_of_name(str(name)) or (beside if name in ("value", "reading") else None)
-            own = own or (None if last_word(str(name)) in COUNTS else unit_in(said))
+            own = own or (None if last_word(str(name)) in COUNTS else unit_in(found))
             yield from _measured(item, inner, f"{where}.{name}" if where else str(name), own)
     elif isinstance(value, list):
         inner = schema.get("items", {}) if isinstance(schema, Mapping) else {}
@@ -258,20 +258,20 @@ def _failure(call: TrialCall, *, known: bool, seen: bool, lacked: Lacked | None)
         return [error("ENDPOINT-TOOL-BROKEN", f"{call.tool} fails in its own code: {kind}: {text}", hint=hint)]
     if not known:  # an error that the log does not hold was told already
         return []
-    told = error if seen else warning
+    report = error if seen else warning
     if kind == "DeviceAbsent":
         summary = f"{call.tool} does not find {call.device or 'its device'}: {text}"
-        return [told("ENDPOINT-DEVICE-ABSENT", summary, hint=_ABSENT[seen])]
+        return [report("ENDPOINT-DEVICE-ABSENT", summary, hint=_ABSENT[seen])]
     program = _program(kind, text)
     if program and lacked is not None and not lacked(program):
         summary = f"{call.tool} could not be tried: {program} is not on this machine, which is not the recorded host"
         return [warning("ENDPOINT-TOOL-FAILED", summary, hint="it is tried when the host itself is applied")]
     if program:
         summary = f"{call.tool} needs the program {program}, which is not installed here"
-        return [told("ENDPOINT-PROGRAM-MISSING", summary, hint=_PROGRAM)]
+        return [report("ENDPOINT-PROGRAM-MISSING", summary, hint=_PROGRAM)]
     if kind in _NETWORK or _NETWORK_SAID.search(text):
         summary = f"{call.tool} got no answer over the network: {kind}: {text}"
-        return [told("ENDPOINT-NETWORK-FAILED", summary, hint=_REACHED)]
+        return [report("ENDPOINT-NETWORK-FAILED", summary, hint=_REACHED)]
     summary = f"{call.tool} could not reach its device: {kind}: {text}"
     return [warning("ENDPOINT-TOOL-FAILED", summary, hint="check that the device is connected, free and permitted")]
 

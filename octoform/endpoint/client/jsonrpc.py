@@ -172,12 +172,12 @@ def _result(message: Mapping[str, Any]) -> dict[str, Any]:
 
 def _report(message: Mapping[str, Any], number: int, progress: Progress) -> None:
     """Tell of a progress notification of this very request; every other notification is no one's."""
-    told = message.get("params")
-    if message.get("method") != "notifications/progress" or not isinstance(told, dict):
+    found = message.get("params")
+    if message.get("method") != "notifications/progress" or not isinstance(found, dict):
         return
-    done, total = told.get("progress"), told.get("total")
-    if told.get("progressToken") == number and isinstance(done, int | float):
-        progress(done, total if isinstance(total, int | float) else None, str(told.get("message") or ""))
+    done, total = found.get("progress"), found.get("total")
+    if found.get("progressToken") == number and isinstance(done, int | float):
+        progress(done, total if isinstance(total, int | float) else None, str(found.get("message") or ""))
 
 
 # Pictures and sounds of a tool's answer as files: a terminal can show neither.

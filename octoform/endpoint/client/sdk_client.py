@@ -104,8 +104,8 @@ def _told(finished: Finished) -> ClientReport:
 
 def _refusal(log: str) -> str | None:
     """The launcher's own sentence, when it refused to serve."""
-    said = [line.removeprefix(REFUSAL).strip() for line in log.splitlines() if line.startswith(REFUSAL)]
-    return said[0] if said else None
+    lines = [line.removeprefix(REFUSAL).strip() for line in log.splitlines() if line.startswith(REFUSAL)]
+    return lines[0] if lines else None
 
 
 def _last_line(text: str) -> str:

@@ -332,10 +332,10 @@ def _bad_argument(tool: str, schema: Mapping[str, Any], field: str | None, messa
 
 def _about(name: str, given: Mapping[str, Any]) -> str:
     """What a parameter is, and the values that it may have where they can be counted."""
-    told = [str(given["description"])] if given.get("description") else []
+    lines = [str(given["description"])] if given.get("description") else []
     ways = given.get("anyOf", [given])
     values = [value for way in ways for value in way.get("enum", [way["const"]] if "const" in way else [])]
-    return "; ".join([*told, f"{name} is one of {', '.join(map(str, values))}"] if values else told)
+    return "; ".join([*lines, f"{name} is one of {', '.join(map(str, values))}"] if values else lines)
 
 
 def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:

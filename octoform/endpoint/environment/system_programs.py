@@ -36,8 +36,8 @@ def named_programs(interface: Mapping[str, Any], environ: Mapping[str, str]) -> 
     """
     out: dict[str, list[str]] = {}
     for tool in interface["tools"]:
-        said = tool["description"].rpartition("Through:")[2]
-        for program in sorted({next(filter(None, found)) for found in _NAMED.findall(said)}):
+        result = tool["description"].rpartition("Through:")[2]
+        for program in sorted({next(filter(None, found)) for found in _NAMED.findall(result)}):
             if lacks(program, environ):
                 out.setdefault(program, []).append(tool["name"])
     return out

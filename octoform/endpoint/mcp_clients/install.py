@@ -193,8 +193,8 @@ class Server:
 
     def owns(self, entry: Mapping[str, Any]) -> bool:
         """True for an entry that octoform wrote for this host, whatever its interpreter, port or form."""
-        said = formats.words(entry)
-        if said and said[1:] == self.command[1:]:
+        found = formats.words(entry)
+        if found and found[1:] == self.command[1:]:
             return True
         address = formats.address(entry)
         marks = (formats.VARIABLE, formats.INPUT, f"Bearer {PREFIX}")

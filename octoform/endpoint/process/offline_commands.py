@@ -47,6 +47,6 @@ def run(program: Path, *arguments: str) -> dict[str, Any]:
     except OSError as problem:
         return {"ok": False, "problems": [f"{program.name} could not be started: {problem}"]}
     except ValueError:
-        said = done.stderr.strip().splitlines()
-        return {"ok": False, "problems": [said[-1] if said else f"{program.name} ended with {done.returncode}"]}
+        lines = done.stderr.strip().splitlines()
+        return {"ok": False, "problems": [lines[-1] if lines else f"{program.name} ended with {done.returncode}"]}
     return answer if isinstance(answer, dict) else {"ok": False, "problems": [f"{program.name} answered nonsense"]}

@@ -282,8 +282,8 @@ def _failed(layout: Layout, mark: int, why: str) -> Diagnostic:
 
     with stream(layout.server_log) as log:
         log.seek(mark)
-        said = log.read(1 << 20).decode("utf-8", "replace").strip()
-    refusals = [line.partition("refused:")[2].strip() for line in said.splitlines() if "octoform: refused:" in line]
-    detail = refusals[-1] if refusals else said[-1500:] or None
+        text = log.read(1 << 20).decode("utf-8", "replace").strip()
+    refusals = [line.partition("refused:")[2].strip() for line in text.splitlines() if "octoform: refused:" in line]
+    detail = refusals[-1] if refusals else text[-1500:] or None
     hint = "octoform plan shows what differs from what was applied; octoform apply repairs it"
     return error("ENDPOINT-START-FAILED", f"the endpoint did not start: {why}", detail=detail, hint=hint)

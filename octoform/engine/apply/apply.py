@@ -159,20 +159,20 @@ def rights(layout: Layout, result: RunResult, environ: Mapping[str, str]) -> Run
     silent = _silent(layout, result, bool(recorded)) if result.operation == "apply" else ""
     result = replace(result, silent=silent, recorded=recorded)
     shut = lacking(layout, environ)
-    told = (*result.diagnostics, *diagnostics(shut))
-    return replace(result, diagnostics=told, incomplete=tuple(sorted(shut))) if shut else result
+    lines = (*result.diagnostics, *diagnostics(shut))
+    return replace(result, diagnostics=lines, incomplete=tuple(sorted(shut))) if shut else result
 
 
 def outside(layout: Layout, result: RunResult) -> RunResult:
     """The result with the address of the tunnel, or a warning that no one gets in there; waits until one is known."""
-    told = result.endpoint
-    tunnel = tunnel_opened(layout) if told is not None else None
-    if told is None or tunnel is None:
+    found = result.endpoint
+    tunnel = tunnel_opened(layout) if found is not None else None
+    if found is None or tunnel is None:
         return result
     problem = no_tunnel(tunnel)
     if problem is not None:
         return replace(result, diagnostics=(*result.diagnostics, problem))
-    return replace(result, endpoint=replace(told, public=through(tunnel, told.url or "")))
+    return replace(result, endpoint=replace(found, public=through(tunnel, found.url or "")))
 
 
 def _silent(layout: Layout, result: RunResult, recorded: bool) -> str:
@@ -414,8 +414,8 @@ class _Run:
         if outlook is None or not outlook.plan.empty or not same or _has_offers(outlook):
             path.unlink(missing_ok=True)
         else:
-            told = tuple(item for item in outlook.diagnostics if item.code in _LASTING)
-            write_atomic(path, plan_cache.document(plan_cache.Remembered(outlook.plan, told), ground), 0o600)
+            found = tuple(item for item in outlook.diagnostics if item.code in _LASTING)
+            write_atomic(path, plan_cache.document(plan_cache.Remembered(outlook.plan, found), ground), 0o600)
 
     def _ground(self, compiled: Compiled) -> dict[str, Any]:
         files, chosen = _sources(compiled)

@@ -56,9 +56,9 @@ def read(layout: Layout) -> Question | None:
     """The question that waits; None when there is none, or none that can be read."""
     data, _ = read_regular(layout.daemon / ASKS)
     try:
-        told = record(parse(data or b""), FORMAT)
-        hardware, nodes, why = (tuple(str(one) for one in told[name]) for name in ("hardware", "nodes", "why"))
-        return Question(hardware, nodes, why, str(told["at"]))
+        fields = record(parse(data or b""), FORMAT)
+        hardware, nodes, why = (tuple(str(one) for one in fields[name]) for name in ("hardware", "nodes", "why"))
+        return Question(hardware, nodes, why, str(fields["at"]))
     except (ValueError, LookupError, TypeError):
         return None
 

@@ -160,8 +160,8 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
         record = None  # not written by octoform: it says what its folder's name denies
     if record is None:
         running = live or (process is not None and not process.ended and is_alive(process.pid, process.start))
-        told = _so_far(folder, RUNNING if running else INTERRUPTED)
-        return Attempt(number, stage, attempt, folder, told.reason, told.started_at, None, told)
+        found = _so_far(folder, RUNNING if running else INTERRUPTED)
+        return Attempt(number, stage, attempt, folder, found.reason, found.started_at, None, found)
     return Attempt(number, stage, record.attempt, folder, _state(record), record.started_at, record, record)
 
 

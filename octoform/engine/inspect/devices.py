@@ -98,9 +98,9 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
         hint = "run `octoform apply`; `-target identify` is enough to see the devices"
         path = shown(layout.output(absent))
         return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
-    ledger, told = read_instances(layout)
+    ledger, result = read_instances(layout)
     listed = replace(_listed(layout, artifacts, ledger, environ), offers=device_knowledge.offered(artifacts, compiled))
-    return listed, [*found, *told, *device_knowledge.offers(artifacts, compiled)]
+    return listed, [*found, *result, *device_knowledge.offers(artifacts, compiled)]
 
 
 def _listed(
@@ -169,8 +169,8 @@ def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, lis
 
 
 def _told(answer: Mapping[str, Any]) -> Attached:
-    told = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
-    return Attached(**told, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))
+    fields = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
+    return Attached(**fields, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))
 
 
 # The served devices that this user may not use, asked now: what an apply, the doctor and the coverage tell of them.

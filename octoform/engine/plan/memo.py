@@ -50,8 +50,8 @@ def recall(project: Path, environ: Mapping[str, str]) -> Remembered | None:
     if memo is None or not _same(memo, project, environ):
         return None
     plan = _current(memo, project)
-    told = tuple(map(diagnostics.from_json, memo["diagnostics"]))
-    return Remembered(plan, told) if plan is not None else None
+    found = tuple(map(diagnostics.from_json, memo["diagnostics"]))
+    return Remembered(plan, found) if plan is not None else None
 
 
 def _current(memo: Mapping[str, Any], project: Path) -> Plan | None:
@@ -130,8 +130,8 @@ def variables(chosen: Iterable[str], environ: Mapping[str, str]) -> dict[str, st
 
     The values of the manifest's variables are in no key and may be secrets, so not even a digest of them is kept.
     """
-    told = {name: "set" if environ.get(name) else "unset" for name in sorted(chosen)}
-    return {**told, **{name: environ.get(name, "") for name in SETTINGS}}
+    fields = {name: "set" if environ.get(name) else "unset" for name in sorted(chosen)}
+    return {**fields, **{name: environ.get(name, "") for name in SETTINGS}}
 
 
 def digests(project: Path, files: Iterable[str]) -> dict[str, str | None]:
@@ -211,6 +211,6 @@ def rests_on(
 
 def document(made: Remembered, ground: Mapping[str, Any]) -> bytes:
     """The memo of a plan without work, made from ``ground`` (see `rests_on`): its own digest, then one line of JSON."""
-    told = [diagnostics.to_json(item) for item in made.diagnostics]
-    text = digest.canonical_json({"format": FORMAT, **ground, "plan": to_json(made.plan), "diagnostics": told})
+    lines = [diagnostics.to_json(item) for item in made.diagnostics]
+    text = digest.canonical_json({"format": FORMAT, **ground, "plan": to_json(made.plan), "diagnostics": lines})
     return digest.of_bytes(text).encode() + b"\n" + text

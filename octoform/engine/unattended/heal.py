@@ -147,12 +147,12 @@ def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> Duty
 
 def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> DutyOutcome:
     manifest, _ = load(layout.project / FILE_NAME, environ)
-    told = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
-    spent = told.get("spent") or {}
+    found = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
+    spent = found.get("spent") or {}
     return DutyOutcome(
-        ok=bool(told["ok"]),
-        detail=str(told["detail"]),
-        again=bool(told["again"]),
+        ok=bool(found["ok"]),
+        detail=str(found["detail"]),
+        again=bool(found["again"]),
         calls=int(spent.get("calls") or 0),
         usage=Usage(spent.get("input_tokens"), None, spent.get("output_tokens"), spent.get("usd", 0.0)),
     )

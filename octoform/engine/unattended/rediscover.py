@@ -52,9 +52,9 @@ class Left:
     @classmethod
     def of(cls, brief: Mapping[str, Any], calls: int = 0, usd: float | None = 0.0) -> "Left":
         """As the daemon tells it, less what was spent since; of an unknown price nothing is left."""
-        told, money = brief.get("calls"), brief.get("usd")
+        found, money = brief.get("calls"), brief.get("usd")
         rest = None if not isinstance(money, int | float) else 0.0 if usd is None else max(0.0, money - usd)
-        return cls(max(0, told - calls) if isinstance(told, int) else None, rest)
+        return cls(max(0, found - calls) if isinstance(found, int) else None, rest)
 
 
 def shortages(outlook: Outlook, left: Left) -> tuple[str, ...]:
@@ -185,9 +185,9 @@ def _others(outlook: Outlook, item: PlannedAction) -> Iterator[str]:
     node = outlook.compiled.graph.node(item.node)
     now = key_parts(node, dict.fromkeys(node.consumes, ""), None)
     ignored = frozenset(outlook.compiled.manifest.lifecycle.ignore)
-    told = {reason.part for reason in item.reasons}
+    names = {reason.part for reason in item.reasons}
     for part in sorted({*now, *known.key_parts}):
-        if part == HARDWARE or part.startswith("input.") or part in ignored or part in told:
+        if part == HARDWARE or part.startswith("input.") or part in ignored or part in names:
             continue
         if now.get(part) != known.key_parts.get(part):
             yield f"changed {part}"
@@ -302,8 +302,8 @@ class _RedeployConsent:
 
 
 def _redeploy_undone(former: Former | None, result: RunResult) -> str:
-    said = "; ".join(item.summary for item in result.diagnostics if item.severity is Severity.ERROR)
-    why = f"{result.failed} failed: {said}"
+    text = "; ".join(item.summary for item in result.diagnostics if item.severity is Severity.ERROR)
+    why = f"{result.failed} failed: {text}"
     if former is None:
         return why
     problems = go_back(former)

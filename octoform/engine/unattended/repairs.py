@@ -107,8 +107,8 @@ def mend_endpoint(layout: Layout) -> Mended:
     else:
         owned = {name: data for name, data in files.items() if not name.startswith(f"{CLIENTS}/")}
         _mend_folder(layout, layout.endpoint, owned, done, hold=False)
-        told = {name: data for name, data in files.items() if name not in owned}
-        _mend_folder(layout, layout.endpoint, told, done, hold=True)
+        fields = {name: data for name, data in files.items() if name not in owned}
+        _mend_folder(layout, layout.endpoint, fields, done, hold=True)
     instances = artifact_cache.kept(layout, artifact_cache.INSTANCES)
     if instances is not None and read_instances(layout)[0] is None:
         _mend_folder(layout, layout.local, instances, done, hold=False)

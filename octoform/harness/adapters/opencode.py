@@ -187,11 +187,11 @@ def _usage(tokens: object) -> Usage:
     """Input from a cache and output that is reasoning are counted apart."""
     parts = (count(tokens, "input"), count(tokens, "cache", "read"), count(tokens, "cache", "write"))
     fresh, cached, _ = parts
-    said = count(tokens, "output")
+    found = count(tokens, "output")
     return Usage(
         None if fresh is None else sum(item or 0 for item in parts),
         cached,
-        None if said is None else said + (count(tokens, "reasoning") or 0),
+        None if found is None else found + (count(tokens, "reasoning") or 0),
     )
 
 

@@ -72,7 +72,7 @@ def create(spec: HarnessSpec, _environ: Mapping[str, str], _folder: Path | None)
 def _tell(task: Task, data: bytes, progress: ProgressSink) -> None:
     """Every event at once, with the time and the sum that it had then; the same lines become this attempt's own."""
     _put(task.transcript, data, 0o600)
-    used, totals, said = Usage(), None, []
+    used, totals, found = Usage(), None, []
     for moment in transcript.decode(data):
         event = moment.event
         if isinstance(event, Turn):
@@ -80,9 +80,9 @@ def _tell(task: Task, data: bytes, progress: ProgressSink) -> None:
         elif isinstance(event, Totals):
             totals = event.usage
         elif isinstance(event, Said):
-            said.append(event.text)
+            found.append(event.text)
         progress(event, moment.at, totals or used)
-    _put(task.log, "".join(f"{line}\n" for line in said).encode("utf-8", "replace"), 0o600)
+    _put(task.log, "".join(f"{line}\n" for line in found).encode("utf-8", "replace"), 0o600)
 
 
 def _leave(path: Path, output: Output, data: bytes) -> None:

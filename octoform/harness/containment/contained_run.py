@@ -125,11 +125,11 @@ def run(program: Program, limits: Limits, observer: Observer) -> Ended:
             try:
                 record = session.record()
                 orphans.write(program.workdir, record)
-                told = session.follow(log, observer)
+                found = session.follow(log, observer)
             finally:
                 session.stop()
             seconds = time.monotonic() - began
-            ended = _settle(told, record, seconds, "halted" if session.halted else "lost", adopted)
+            ended = _settle(found, record, seconds, "halted" if session.halted else "lost", adopted)
         if not ended.remaining:
             # The folder may be gone or full by what the agent did; the record only helps a later sweep.
             with suppress(OSError):

@@ -224,9 +224,9 @@ def _start(arguments: list[str], file_bytes: int) -> tuple[int, int]:
     if pid == 0:
         _become_agent(arguments, file_bytes, me, writer)
     os.close(writer)
-    told = os.read(reader, 16)
+    found = os.read(reader, 16)
     os.close(reader)
-    return pid, int(told or b"0")
+    return pid, int(found or b"0")
 
 
 def _become_agent(arguments: list[str], file_bytes: int, supervisor: int, failure: int) -> None:

@@ -210,13 +210,13 @@ def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | 
         return _none(f"{PROGRAM}: {problem}")
     if done.returncode == 0:
         return None
-    said = done.stderr.decode("utf-8", "replace").strip().splitlines()
-    if said and said[-1].startswith(CLOSED):
-        path = said[-1].removeprefix(CLOSED)
-        return _none(said[-1], f"the agent's user is not root: `chmod o+r {path}`, or set sandbox: false")
-    if said and shortage.printed(said[-1]):
+    lines = done.stderr.decode("utf-8", "replace").strip().splitlines()
+    if lines and lines[-1].startswith(CLOSED):
+        path = lines[-1].removeprefix(CLOSED)
+        return _none(lines[-1], f"the agent's user is not root: `chmod o+r {path}`, or set sandbox: false")
+    if lines and shortage.printed(lines[-1]):
         raise BlockingIOError(errno.EAGAIN, shortage.TEXT)
-    return _none(said[-1] if said else f"{PROGRAM} left with status {done.returncode}")
+    return _none(lines[-1] if lines else f"{PROGRAM} left with status {done.returncode}")
 
 
 def _readable(argv: Sequence[str], around: Confinement) -> tuple[str, ...]:

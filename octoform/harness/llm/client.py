@@ -164,10 +164,10 @@ class LiteLLM:
         return options
 
     def _watched(self, stream: Any) -> Any:
-        told = time.monotonic()
+        found = time.monotonic()
         for number, chunk in enumerate(stream, 1):
-            if time.monotonic() - told > ALIVE_SECONDS:
-                told = time.monotonic()
+            if time.monotonic() - found > ALIVE_SECONDS:
+                found = time.monotonic()
                 self._request.alive(number)
             yield chunk
 
@@ -204,14 +204,14 @@ def _function(call: Mapping[str, Any], name: str) -> str:
 def _usage(chunks: Sequence[Any]) -> dict[str, int]:
     """Tokens of the last piece that tells them; all input is in ``input``, the part from a cache also apart."""
     for chunk in reversed(chunks):
-        told = getattr(chunk, "usage", None)
-        if told is None:
+        found = getattr(chunk, "usage", None)
+        if found is None:
             continue
-        details = getattr(told, "prompt_tokens_details", None)
+        details = getattr(found, "prompt_tokens_details", None)
         counts = {
-            "input": getattr(told, "prompt_tokens", None),
+            "input": getattr(found, "prompt_tokens", None),
             "cached": getattr(details, "cached_tokens", None),
-            "output": getattr(told, "completion_tokens", None),
+            "output": getattr(found, "completion_tokens", None),
         }
         return {name: value for name, value in counts.items() if isinstance(value, int)}
     return {}

@@ -85,13 +85,13 @@ class LiteLLMCompletion:
         began = time.monotonic()
         try:
             with tempfile.TemporaryDirectory(prefix="octoform-") as folder:
-                ended, said = self._ask(Path(folder), way, json.dumps(question))
+                ended, found = self._ask(Path(folder), way, json.dumps(question))
         except OSError as problem:
             return _failed(f"its process could not be run: {problem.strerror}")
-        return self._answer(ended, said, time.monotonic() - began)
+        return self._answer(ended, found, time.monotonic() - began)
 
     def _ask(self, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
-        asked, said = folder / "question.json", _Kept()
+        asked, found = folder / "question.json", _Kept()
         replace(asked, question.encode(), 0o644, synced=False)
         named = (way.key,) if way.key else ()
         program = Program(
@@ -102,7 +102,7 @@ class LiteLLMCompletion:
             stdin=asked,
             secrets=agent_environment.secrets(self.environ, named),
         )
-        return run(program, Limits(wall_seconds=self.seconds), said), bytes(said.data)
+        return run(program, Limits(wall_seconds=self.seconds), found), bytes(found.data)
 
     def _answer(self, ended: Ended, said: bytes, seconds: float) -> Condensed | Diagnostic:
         if ended.reason == "wall":
@@ -112,8 +112,8 @@ class LiteLLMCompletion:
         if value is None:
             return _failed(f"its process ended without an answer after {seconds:.0f} s (status {ended.status})")
         if at(value, "failed") is not None:
-            told = trouble(one_line(at(value, "failed")), count(value, "status"))
-            return _failed(f"{_WORDS.get(told.reason, 'the request failed')}: {told.text}")
+            found = trouble(one_line(at(value, "failed")), count(value, "status"))
+            return _failed(f"{_WORDS.get(found.reason, 'the request failed')}: {found.text}")
         text = str(at(value, "text") or "").strip()
         if not text:
             return _failed(f"the model answered nothing (it ended with {one_line(at(value, 'end'))})")

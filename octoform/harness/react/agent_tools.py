@@ -367,5 +367,5 @@ class Toolbox:
             "write_file": partial(write_file, self.workdir),
             "patch": partial(patch, self.workdir),
         }
-        said = runs[ready.tool](**arguments)
-        return Said(redacted(said.text, self.secrets), said.failed)
+        found = runs[ready.tool](**arguments)
+        return Said(redacted(found.text, self.secrets), found.failed)

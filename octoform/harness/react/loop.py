@@ -136,9 +136,9 @@ class Loop:
 
     def _use(self, calls: Sequence[Call]) -> None:
         for call in calls:
-            said = self._one(call)
-            self.reporter.result(said.text, said.failed)
-            self.conversation.returned(call.id, call.name, said.text, len(calls))
+            found = self._one(call)
+            self.reporter.result(found.text, found.failed)
+            self.conversation.returned(call.id, call.name, found.text, len(calls))
 
     def _one(self, call: Call) -> Said:
         ready = checked(call)

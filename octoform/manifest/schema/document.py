@@ -277,8 +277,8 @@ def json_schema() -> dict[str, Any]:
         descriptions = _descriptions(tables[name]) if name in tables else {}
         for key, setting in table.get("properties", {}).items():
             setting.pop("title", None)  # it would only repeat the key
-            told = {**setting, "description": descriptions[key]} if key in descriptions else setting
-            table["properties"][key] = dict(sorted(told.items()))
+            fields = {**setting, "description": descriptions[key]} if key in descriptions else setting
+            table["properties"][key] = dict(sorted(fields.items()))
     head = {"$schema": DIALECT, "title": "octopus.yaml"}
     return {**head, **{key: value for key, value in body.items() if key != "title"}}
 

@@ -266,8 +266,8 @@ class Audit:
         self._size = status.st_size
         self._seq, self._hash = max(known, key=lambda each: each[0])
         if fragment:
-            told = {"bytes": len(fragment), "sha256": hashlib.sha256(fragment).hexdigest()}
-            self._append([("audit_torn", told)], before=b"\n")
+            fields = {"bytes": len(fragment), "sha256": hashlib.sha256(fragment).hexdigest()}
+            self._append([("audit_torn", fields)], before=b"\n")
 
     def _rotate(self) -> None:
         """Set the full file aside under the number of its first record; the chain goes on in a new one."""

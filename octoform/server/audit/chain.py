@@ -120,8 +120,8 @@ class _Check:
             return
         file, number, line = self._unreadable
         self._unreadable = None
-        told = following is not None and following["event"] == b"audit_torn"
-        torn = _TORN.search(following["body"]) if following and told else None
+        is_known = following is not None and following["event"] == b"audit_torn"
+        torn = _TORN.search(following["body"]) if following and is_known else None
         fragment = line[:-1]
         if torn is None or (int(torn[1]), torn[2].decode()) != (len(fragment), hashlib.sha256(fragment).hexdigest()):
             self._wrong("this line is no record: it was changed or added", file, number)

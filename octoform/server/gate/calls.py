@@ -201,7 +201,7 @@ def _decision(call: Call, decision: str, more: dict[str, Any]) -> dict[str, Any]
         "decision": decision,
         "source": policy.source,
         "arguments": call.arguments or call.given,
-        **{name: said for name, said in call.asked.items() if said},
+        **{name: text for name, text in call.asked.items() if text},
         **more,
     }
 
@@ -227,9 +227,9 @@ def seen(policy: ToolPolicy, arguments: Mapping[str, Any], content: Any) -> Seen
     if units is None or not policy.places:
         return Seen({})
     moved = units.of_call(arguments)
-    told = {} if units.reports is None else _places(units.reports, content, moved)
+    fields = {} if units.reports is None else _places(units.reports, content, moved)
     known = {word: unit for unit in moved for word in (unit, *units.names[unit])}
-    places = {known[word]: place for word, place in told.items() if word in known and is_number(place)}
+    places = {known[word]: place for word, place in fields.items() if word in known and is_number(place)}
     found: dict[str, str] = {}
     ranged = [limit for limit in policy.places if limit.of in moved]
     for limit in ranged:

@@ -80,8 +80,8 @@ class Question:
 
     def digest(self) -> str:
         """Of tool, caller, exactly the arguments that came, and how often everything was stopped, in canonical form."""
-        said = [self.tool, self.caller, dict(self.given), self.stops]
-        whole = json.dumps(said, sort_keys=True, separators=(",", ":"))
+        lines = [self.tool, self.caller, dict(self.given), self.stops]
+        whole = json.dumps(lines, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(whole.encode()).hexdigest()
 
 

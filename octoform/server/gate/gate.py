@@ -182,8 +182,8 @@ class Gate(Middleware):
         meta = (request.meta if request is not None else None) or {}
         if entry is None or entry.policy.effect not in caller.effects or not _same_version(entry, meta):
             code = "unknown_tool" if entry is None else "hidden_tool"
-            told = {"tool": name, "caller": caller.name, "decision": "refuse", "code": code}
-            self._records.write("decision", **told, **client.fields())
+            fields = {"tool": name, "caller": caller.name, "decision": "refuse", "code": code}
+            self._records.write("decision", **fields, **client.fields())
             raise NotFoundError(f"Unknown tool: {name!r}")
         wants = meta.get(messages.DRY) is True
         dry = wants or (self._policy.mode == "dry_run" and entry.policy.effect != "read")
@@ -399,8 +399,8 @@ class Gate(Middleware):
             problem = ArgumentsInvalid(messages.told(call.entry.name, problem.__cause__, call.entry.schema))
         elif problem is not work.told and not isinstance(problem, ArgumentsInvalid):
             problem = masked(work, problem.__cause__ or problem)
-        told = {"reference": work.reference} if work.reference else {"text": str(problem)}
-        self._records.outcome(call, "error", **told)
+        fields = {"reference": work.reference} if work.reference else {"text": str(problem)}
+        self._records.outcome(call, "error", **fields)
         return messages.error(str(problem))
 
     def _ended(self, call: Call) -> None:

@@ -140,9 +140,9 @@ async def _accepted(listener: socket.socket) -> socket.socket:
 
 def _greet(connection: socket.socket, full: bool) -> bool:
     """Tell a client that it was taken, or that there are too many; False when it has to go."""
-    told = _error(None, -32000, f"this endpoint has {MOST_CLIENTS} clients and takes no more") if full else b""
+    text = _error(None, -32000, f"this endpoint has {MOST_CLIENTS} clients and takes no more") if full else b""
     try:
-        connection.send(GREETING + told)
+        connection.send(GREETING + text)
     except OSError:  # it is gone
         return False
     if full:

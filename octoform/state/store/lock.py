@@ -220,15 +220,15 @@ def acquire(layout: Layout, operation: str, waiting: Waiting | None = None, proc
     if problem is not None:
         return Acquired(None, (problem,))
     deadline = patience.clock() + patience.timeout
-    pause, told = _FIRST_PAUSE, False
+    pause, found = _FIRST_PAUSE, False
     while True:
         outcome = _try(layout, operation, proc)
         left = deadline - patience.clock()
         if not isinstance(outcome, Holder) or left <= 0:
             break
-        if patience.told is not None and not told:
+        if patience.told is not None and not found:
             patience.told(outcome)
-            told = True
+            found = True
         patience.sleep(min(pause, left))
         pause = min(pause * 2, _LONGEST_PAUSE)
     if isinstance(outcome, Holder):

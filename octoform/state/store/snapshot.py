@@ -131,10 +131,10 @@ def read_current(layout: Layout) -> tuple[Current | None, list[Diagnostic]]:
     for _ in range(_TRIES):
         if has_errors(found):
             return None, found
-        reading, told = journals.read(layout.journal)
+        reading, result = journals.read(layout.journal)
         after, found = read_snapshot(layout)
         if before == after and not has_errors(found):
-            return (None, told) if reading is None else _combine(layout, after, reading, told)
+            return (None, result) if reading is None else _combine(layout, after, reading, result)
         before = after
     return None, [*found, _moving(layout)] if not has_errors(found) else found
 

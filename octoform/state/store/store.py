@@ -103,8 +103,8 @@ class StateStore:
         self, node: str, diagnostics: Iterable[Diagnostic] = (), data: Mapping[str, Any] | None = None
     ) -> list[Diagnostic]:
         """Say that a node's run failed; what was accepted before stays. Told again in ``detail["failure"]``."""
-        told = [_bounded(to_json(item)) for item in list(diagnostics)[:_FAILURES_KEPT]]
-        return self._step(Op.FAILURE, node, {"diagnostics": told, **(data or {})})
+        lines = [_bounded(to_json(item)) for item in list(diagnostics)[:_FAILURES_KEPT]]
+        return self._step(Op.FAILURE, node, {"diagnostics": lines, **(data or {})})
 
     def remove(self, node: str) -> list[Diagnostic]:
         """Forget a node: it was destroyed, or a person removed it from the state."""

@@ -190,9 +190,9 @@ class Objects:
         health = made.health
         if health is None:
             return
-        said = (health.status, health.parts, health.uncovered, health.claims, health.pending)
-        if said != self._health:
-            self._health = said
+        lines = (health.status, health.parts, health.uncovered, health.claims, health.pending)
+        if lines != self._health:
+            self._health = lines
             self._stream.emit("health", f"{health.host}: {health.status}", health=health.as_json())
 
 

@@ -175,9 +175,9 @@ def _tried(trouble: Trouble, now: datetime) -> str:
 
 def _beside(console: Console, found: Survey) -> Iterator[str]:
     """What is not healthy and is no problem of its own: a device that is not there, a claim, a person's stop."""
-    told = {each.target for each in found.troubles}
+    names = {each.target for each in found.troubles}
     parts = [each for each in found.health.parts if each is not _worst(found)]
-    shown = [each for each in parts if each.target not in told and not each.target.startswith("unit:")]
+    shown = [each for each in parts if each.target not in names and not each.target.startswith("unit:")]
     for part in shown[:MOST]:
         yield from _wrapped(console, "  ", _what(part))
     if len(shown) > MOST:

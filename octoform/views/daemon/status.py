@@ -48,11 +48,11 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
     if found.process.running is not None or watched is not None:
         console.wrapped("  ", one_line(_watched(watched), WIDTH), indent=4)
     for host in found.others:
-        told = f"the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it"
-        console.wrapped("  ", told, indent=4)
+        text = f"the endpoint of {host}, which octopus.yaml does not name, runs: octoform stop {host} ends it"
+        console.wrapped("  ", text, indent=4)
     if found.process.estop is not None:
-        told = console.paint("emergency stop", "red")
-        console.wrapped(f"  {told} ", one_line(_estop(found.process.estop), WIDTH), indent=4)
+        text = console.paint("emergency stop", "red")
+        console.wrapped(f"  {text} ", one_line(_estop(found.process.estop), WIDTH), indent=4)
     return code
 
 
@@ -77,10 +77,10 @@ def uncompared(console: Console, found: Status, surveyed: Survey, *, as_json: bo
 def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
     """What is not as apply left it, then what the verdict rests on, each once."""
     parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
-    told = [named(each.target, each.why) for each in parts]
+    lines = [named(each.target, each.why) for each in parts]
     silent = len(surveyed.health.uncovered)
     counted = [f"{plan_text.counted(silent, 'signal')} have no data: octoform health names them"] if silent else []
-    return tuple(dict.fromkeys((*found.reasons, *told, *counted)))
+    return tuple(dict.fromkeys((*found.reasons, *lines, *counted)))
 
 
 def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[str, Any]:
@@ -110,17 +110,17 @@ def _watched(daemon: Record | None) -> str:
 
 def _process(process: Process) -> Iterator[str]:
     """What there is to tell of the process; members of its answer that this octoform does not know are omitted."""
-    running, told = process.running, process.told or {}
+    running, found = process.running, process.told or {}
     if running is None:
         return
-    clients = told.get("clients")
+    clients = found.get("clients")
     count = f", {plan_text.counted(clients, 'local client')}" if isinstance(clients, int) else ""
     yield f"process {running.pid} since {running.since}, scope {running.scope}{count}"
     if running.url:
         yield f"at {running.url}, open to {plan_text.counted(process.tokens, 'token')}"
-    if isinstance(told.get("tunnel"), Mapping):
-        yield _tunnel(told["tunnel"])
-    gate = told.get("gate")
+    if isinstance(found.get("tunnel"), Mapping):
+        yield _tunnel(found["tunnel"])
+    gate = found.get("gate")
     if isinstance(gate, Mapping):
         yield from _gate(gate)
 

@@ -52,18 +52,18 @@ def human(console: Console, entries: Iterable[Entry]) -> None:
 def machine(console: Console, lines: Iterable[Line]) -> None:
     """An object for each line, as it is in the call log; what was printed has ``time`` and ``text``."""
     for line in lines:
-        told = line.record or {"time": stamp(line.at, 3), "text": line.text}
-        console.raw(escaped_json(json.dumps({"log": line.log, **told}, ensure_ascii=False)))
+        fields = line.record or {"time": stamp(line.at, 3), "text": line.text}
+        console.raw(escaped_json(json.dumps({"log": line.log, **fields}, ensure_ascii=False)))
 
 
 def _call(console: Console, entry: Entry) -> str:
     """Tool and arguments as they were called, then how it ended."""
     began, record = entry.call or {}, entry.line.record or {}
     given = began.get("arguments")
-    told = [str(began.get("tool"))]
+    lines = [str(began.get("tool"))]
     if isinstance(given, Mapping):
-        told += [f"{name}={json.dumps(value, ensure_ascii=False)}" for name, value in given.items()]
-    call = escaped(" ".join(told))
+        lines += [f"{name}={json.dumps(value, ensure_ascii=False)}" for name, value in given.items()]
+    call = escaped(" ".join(lines))
     if not entry.ended:
         return f"{call}  {console.paint('no result yet', 'yellow')}"
     took = f"  {record['ms']} ms" if isinstance(record.get("ms"), int | float) else ""
@@ -187,11 +187,11 @@ def _approval(record: Record) -> str:
         return ""
     client = str(record.get("client") or "")
     marks = f"approval {record['approval']}" if record.get("approval") else ""
-    told = ": a person has to approve it" if asked else ""
+    message = ": a person has to approve it" if asked else ""
     if record.get("answer") == "approved":
         by = "-auto-approve" if client.startswith(BEFOREHAND) else "the client's person"
-        told = f": approved by {by}" if record["decision"] == "allow" else f"; it was approved by {by}"
-    return f"{told} ({marks})" if marks else told
+        message = f": approved by {by}" if record["decision"] == "allow" else f"; it was approved by {by}"
+    return f"{message} ({marks})" if marks else message
 
 
 _CODES = {"unknown_tool": "there is no such tool", "hidden_tool": "its token may not call it"}
@@ -200,13 +200,13 @@ _CODES = {"unknown_tool": "there is no such tool", "hidden_tool": "its token may
 def _outcome(record: Record) -> list[str]:
     name = str(record["outcome"])
     word, text = _OUTCOMES.get(name, (name.replace("_", " "), "{tool} after {ms} ms"))
-    told = text.format_map({"bytes": "?", **record, "ms": _ms(record)})
+    message = text.format_map({"bytes": "?", **record, "ms": _ms(record)})
     why = str(record.get("text") or "")
     if record.get("reference"):
         why = f"octoform logs has the exception under {record['reference']}"
     if record.get("ended") is False:
         why = "its code goes on all the same"
-    return [word, f"{told}{f': {why}' if why else ''}"]
+    return [word, f"{message}{f': {why}' if why else ''}"]
 
 
 def _estop(record: Record) -> list[str]:

@@ -115,8 +115,8 @@ def installed(console: Console, found: Unit, process: Running) -> int:
 
 def uninstalled(console: Console, found: Unit, *, was: bool) -> int:
     """It is gone."""
-    told = "was stopped and taken away" if was else "was not installed"
-    console.line(f"{found.name} {told}")
+    text = "was stopped and taken away" if was else "was not installed"
+    console.line(f"{found.name} {text}")
     return 0
 
 
@@ -156,8 +156,8 @@ def _state(console: Console, item: Sight) -> str:
     if item.state == "installed" and not item.current:
         renew = f"octoform clients install {item.client.key} renews it"
         return console.paint(f"installed ({item.transport}), out of date: {renew}", "yellow")
-    said = f"installed ({item.transport})" if item.state == "installed" else _STATES[item.state]
-    return console.paint(said, _COLOURS[item.state]) if item.state in _COLOURS else said
+    text = f"installed ({item.transport})" if item.state == "installed" else _STATES[item.state]
+    return console.paint(text, _COLOURS[item.state]) if item.state in _COLOURS else text
 
 
 def _sight(item: Sight) -> dict[str, Any]:

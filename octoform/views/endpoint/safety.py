@@ -120,8 +120,8 @@ def limits(console: Console, found: Limits, *, as_json: bool) -> int:
                 "    unknown: its results do not report where the device is afterwards, so no range is checked"
             )
         for unit, text in tool.outside.items():
-            told = f"the device reported {unit} {text}; nothing moves it until octoform limits -reset {tool.tool}"
-            console.line(f"    {console.paint(escape(told), 'red')}")
+            message = f"the device reported {unit} {text}; nothing moves it until octoform limits -reset {tool.tool}"
+            console.line(f"    {console.paint(escape(message), 'red')}")
         if tool.damaged:
             text = f"what was counted is lost; the tool is refused until octoform limits -reset {tool.tool}"
             console.line(f"    {console.paint(text, 'red')}")

@@ -122,8 +122,8 @@ def _items(reply: Reply) -> list[dict[str, Any]]:
         message = {"id": f"msg_{reply.id}", "type": "message", "role": "assistant", "status": "completed"}
         items.append({**message, "content": content})
     for call in reply.calls:
-        told = {"id": f"fc_{call.id}", "type": "function_call", "call_id": call.id, "status": "completed"}
-        items.append({**told, "name": call.tool, "arguments": call.arguments})
+        fields = {"id": f"fc_{call.id}", "type": "function_call", "call_id": call.id, "status": "completed"}
+        items.append({**fields, "name": call.tool, "arguments": call.arguments})
     return items
 
 
@@ -157,7 +157,7 @@ def _responses(reply: Reply) -> dict[str, Any]:
 
 def _responses_events(reply: Reply, _asked: Asked) -> list[Event]:
     final = _responses(reply)
-    told: list[tuple[str, dict[str, Any]]] = [
+    lines: list[tuple[str, dict[str, Any]]] = [
         ("created", {"response": {**final, "status": "in_progress", "output": [], "usage": None}})
     ]
     for place, item in enumerate(final["output"]):
@@ -167,20 +167,20 @@ def _responses_events(reply: Reply, _asked: Asked) -> list[Event]:
             part = item["content"][0]
             at |= {"content_index": 0}
             began["content"] = []
-            told.append(("output_item.added", {"output_index": place, "item": began}))
-            told.append(("content_part.added", {**at, "part": {**part, "text": ""}}))
-            told += [("output_text.delta", {**at, "delta": piece}) for piece in _pieces(part["text"])]
-            told.append(("output_text.done", {**at, "text": part["text"]}))
-            told.append(("content_part.done", {**at, "part": part}))
+            lines.append(("output_item.added", {"output_index": place, "item": began}))
+            lines.append(("content_part.added", {**at, "part": {**part, "text": ""}}))
+            lines += [("output_text.delta", {**at, "delta": piece}) for piece in _pieces(part["text"])]
+            lines.append(("output_text.done", {**at, "text": part["text"]}))
+            lines.append(("content_part.done", {**at, "part": part}))
         else:
-            told.append(("output_item.added", {"output_index": place, "item": began}))
-            told.append(("function_call_arguments.delta", {**at, "delta": item["arguments"]}))
-            told.append(("function_call_arguments.done", {**at, "arguments": item["arguments"]}))
-        told.append(("output_item.done", {"output_index": place, "item": item}))
-    told.append(("completed", {"response": final}))
+            lines.append(("output_item.added", {"output_index": place, "item": began}))
+            lines.append(("function_call_arguments.delta", {**at, "delta": item["arguments"]}))
+            lines.append(("function_call_arguments.done", {**at, "arguments": item["arguments"]}))
+        lines.append(("output_item.done", {"output_index": place, "item": item}))
+    lines.append(("completed", {"response": final}))
     return [
         (f"response.{name}", {"type": f"response.{name}", "sequence_number": number, **data})
-        for number, (name, data) in enumerate(told)
+        for number, (name, data) in enumerate(lines)
     ]
 
 

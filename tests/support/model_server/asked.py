@@ -78,15 +78,15 @@ def _tools(api: str, body: dict[str, Any]) -> list[Tool]:
     found = []
     for item in body.get("tools") or []:
         if api in (CHAT, OLLAMA):
-            told = item.get("function") or {}
-            found.append(Tool(told.get("name") or item.get("type", "?"), told.get("parameters") or {}))
+            fields = item.get("function") or {}
+            found.append(Tool(fields.get("name") or item.get("type", "?"), fields.get("parameters") or {}))
         elif api == MESSAGES:
             found.append(Tool(item.get("name", "?"), item.get("input_schema") or {}))
         elif api == RESPONSES:
             # A tool may be a group of tools; one that the service runs itself has a type and no name.
             found += [
-                Tool(told.get("name") or told.get("type", "?"), told.get("parameters") or {})
-                for told in (item, *(item.get("tools") or ()))
+                Tool(fields.get("name") or fields.get("type", "?"), fields.get("parameters") or {})
+                for fields in (item, *(item.get("tools") or ()))
             ]
         else:
             found += _declarations(item)
@@ -97,6 +97,6 @@ def _declarations(item: dict[str, Any]) -> list[Tool]:
     declared = item.get("functionDeclarations") or item.get("function_declarations") or []
     own = [name for name in item if name not in ("functionDeclarations", "function_declarations")]
     return [
-        *(Tool(told["name"], told.get("parametersJsonSchema") or told.get("parameters") or {}) for told in declared),
+        *(Tool(text["name"], text.get("parametersJsonSchema") or text.get("parameters") or {}) for text in declared),
         *(Tool(name, {}) for name in own),
     ]

@@ -105,9 +105,9 @@ def kind(turn: Turn) -> str:
 def _calls(turn: Turn, tools: Sequence[Tool], number: int) -> list[Call]:
     found = []
     for place, item in enumerate(turn.get("calls") or [turn]):
-        said = _call(item, tools, number)
-        if said is not None:
-            found.append(Call(f"call_t{number}n{place}", *said))
+        result = _call(item, tools, number)
+        if result is not None:
+            found.append(Call(f"call_t{number}n{place}", *result))
     return found
 
 
@@ -142,8 +142,8 @@ def _filled(schema: Mapping[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     properties = schema.get("properties") or {}
     for name in schema.get("required") or ():
         if name not in known:
-            told = properties.get(name) or {}
-            known[name] = (told.get("enum") or [PLAIN.get(_type(told), "a scripted step")])[0]
+            fields = properties.get(name) or {}
+            known[name] = (fields.get("enum") or [PLAIN.get(_type(fields), "a scripted step")])[0]
     return known
 
 

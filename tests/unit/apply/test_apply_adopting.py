@@ -60,11 +60,11 @@ def test_a_run_that_is_killed_at_any_moment_is_finished_by_the_next(folder: Path
         try:
             adopt(layout, Crash(moments))
         except Killed:
-            told, found = promotion.resume(layout, opened(layout), GRAPH)
+            result, found = promotion.resume(layout, opened(layout), GRAPH)
             assert found == []
         else:
             break
-        if told:
+        if result:
             finished += 1
             assert is_whole(layout, NEW)
             # How the endpoint was published is not known: it is made anew.

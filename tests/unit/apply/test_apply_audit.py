@@ -179,8 +179,8 @@ def test_what_is_new_in_the_home_folder_is_told_and_left(
     (home / "notes.txt").write_text("new\n")
     (home / ".viminfo").write_text("what programs of the person write all the time\n")
     (home / ".profile").write_text("planted\n")
-    told = [(item.severity.value, item.path) for item in file_integrity.end(watch, project / ".undone")]
-    assert told == [("error", str(home / ".profile")), ("warning", str(home / "notes.txt"))]
+    lines = [(item.severity.value, item.path) for item in file_integrity.end(watch, project / ".undone")]
+    assert lines == [("error", str(home / ".profile")), ("warning", str(home / "notes.txt"))]
     assert (home / "notes.txt").exists() and (home / ".profile").read_text() == "old\n"
 
 

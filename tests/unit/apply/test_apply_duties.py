@@ -61,9 +61,9 @@ def test_a_refusal_says_whether_another_try_makes_sense() -> None:
     assert refusal([error("APPLY-TIMEOUT", "it took too long")]).again
     for code in ("APPLY-AUTH", "HARNESS-UNKNOWN", "DUTY-NOT-APPLIED"):
         assert not refusal([error(code, "no")]).again
-    told = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).told()
-    assert told["spent"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
-    assert len(told["detail"]) == 600 and told["detail"].startswith("\\x1b") and told["report"] is None
+    found = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).told()
+    assert found["spent"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
+    assert len(found["detail"]) == 600 and found["detail"].startswith("\\x1b") and found["report"] is None
     assert DutyOutcome(ok=True, detail="").told()["spent"]["usd"] == 0.0
 
 

@@ -24,13 +24,13 @@ def a_task(folder: Path) -> Task:
 
 def test_a_refused_model_is_named_with_the_providers_words_and_not_asked_again(tmp_path: Path) -> None:
     words = "stopped; 404 The model `nothing` does not exist"
-    (told,) = ended_well(Outcome(ExitReason.REFUSED, -15, 1.0, words, turns=0), a_task(tmp_path))
-    assert (told.code, told.detail) == ("APPLY-MODEL-REFUSED", words)
-    assert "openai/nothing" in told.summary
+    (found,) = ended_well(Outcome(ExitReason.REFUSED, -15, 1.0, words, turns=0), a_task(tmp_path))
+    assert (found.code, found.detail) == ("APPLY-MODEL-REFUSED", words)
+    assert "openai/nothing" in found.summary
     assert ExitReason.REFUSED in HOPELESS
 
 
 def test_every_end_has_words(tmp_path: Path) -> None:
     for reason in ExitReason:
-        told = ended_well(Outcome(reason, 0, 1.0, turns=0), a_task(tmp_path))
-        assert bool(told) is (reason is not ExitReason.FINISHED)
+        found = ended_well(Outcome(reason, 0, 1.0, turns=0), a_task(tmp_path))
+        assert bool(found) is (reason is not ExitReason.FINISHED)

@@ -51,8 +51,8 @@ def test_a_folder_above_that_became_a_link_is_a_folder_again(room: Room, levels:
     shutil.copytree(folder, elsewhere)
     shutil.rmtree(folder)
     folder.symlink_to(elsewhere)
-    told = room.end(watch)
-    assert told[str(folder.relative_to(room.project))] == "error" and not folder.is_symlink()
+    found = room.end(watch)
+    assert found[str(folder.relative_to(room.project))] == "error" and not folder.is_symlink()
 
 
 @pytest.mark.parametrize("levels", [0, 1, 2])
@@ -74,8 +74,8 @@ def test_rights_of_folders_above_are_put_back(room: Room, name: str) -> None:
     folder.chmod(0o755)
     watch = room.begin()
     folder.chmod(0o777)
-    (told,) = room.end(watch).items()
-    assert told == (str(folder) if name == "project" else name, "error")
+    (found,) = room.end(watch).items()
+    assert found == (str(folder) if name == "project" else name, "error")
     assert folder.stat().st_mode & 0o777 == 0o755
 
 
@@ -94,8 +94,8 @@ def test_what_is_new_in_a_guarded_folder_goes_with_its_folders(room: Room) -> No
     (room.tree / "new" / "deep" / "file").write_text("an order")
     (room.tree / "link").symlink_to(room.home)
     (room.tree / "empty").mkdir()
-    told = room.end(watch)
-    assert told.keys() >= {"tree/new/deep/file", "tree/link"} and set(told.values()) == {"error"}
+    found = room.end(watch)
+    assert found.keys() >= {"tree/new/deep/file", "tree/link"} and set(found.values()) == {"error"}
 
 
 def test_what_is_new_in_the_home_is_told_and_left_and_what_leads_to_the_guarded_is_not(room: Room) -> None:

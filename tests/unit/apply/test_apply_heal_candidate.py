@@ -113,8 +113,8 @@ def test_what_goes_beyond_is_refused_by_name(change: tuple[str, str], told: str)
 
 
 def test_a_function_that_is_changed_is_named() -> None:
-    (told,) = judged(("runtime.ask(min", "runtime.tell(min"), named=frozenset({"servo_move"}))
-    assert told == ("HEAL-BEYOND", "the rewritten server changes '_move' and does not name it")
+    (found,) = judged(("runtime.ask(min", "runtime.tell(min"), named=frozenset({"servo_move"}))
+    assert found == ("HEAL-BEYOND", "the rewritten server changes '_move' and does not name it")
 
 
 @pytest.mark.parametrize(
@@ -141,8 +141,8 @@ def test_an_error_that_is_swallowed_is_refused() -> None:
     whole = "        return runtime.ask(min(position, 170), timeout=2.0)\n"
     caught = f"        try:\n    {whole}        except OSError:\n            return 0\n"
     assert {code for code, _ in judged((whole, caught))} == {"HEAL-WEAKENS", "HEAL-INVENTS"}
-    told = f"        try:\n    {whole}        except OSError as why:\n            raise ValueError() from why\n"
-    assert judged((whole, told)) == []
+    text = f"        try:\n    {whole}        except OSError as why:\n            raise ValueError() from why\n"
+    assert judged((whole, text)) == []
 
 
 def test_what_is_read_no_more_or_never_was_is_refused() -> None:

@@ -45,8 +45,14 @@ def context(layout: Layout, crash: Any = pass_by) -> Context:
     store = opened(layout, Ports(checkpoint=crash))
     _, found = promotion.resume(layout, store, GRAPH)
     assert found == []
-    told: Mapping[str, Any] = {"layout": layout, "store": store, "graph": GRAPH, "checkpoint": crash, "clock": Clock()}
-    return cast(Context, SimpleNamespace(**told, emit=lambda event: None))
+    fields: Mapping[str, Any] = {
+        "layout": layout,
+        "store": store,
+        "graph": GRAPH,
+        "checkpoint": crash,
+        "clock": Clock(),
+    }
+    return cast(Context, SimpleNamespace(**fields, emit=lambda event: None))
 
 
 def mend(layout: Layout, crash: Any = pass_by) -> list[Diagnostic]:

@@ -124,8 +124,8 @@ def test_many_places_are_bounded() -> None:
 
 
 def test_diagnostics_that_quote_an_agent_are_redacted_in_every_field() -> None:
-    said = f"it said {VALUE} and Authorization: Bearer abc.def.ghi"
-    item = error("A-B", said, path=said, source=said, pointer=said, detail=said, hint=said)
+    message = f"it said {VALUE} and Authorization: Bearer abc.def.ghi"
+    item = error("A-B", message, path=message, source=message, pointer=message, detail=message, hint=message)
     (clean,) = without_secrets(task(), [item])
     text = json.dumps(to_json(clean), ensure_ascii=False)
     assert VALUE not in text and json.dumps(VALUE)[1:-1] not in text and "abc.def" not in text
@@ -136,11 +136,11 @@ def test_a_device_that_calls_itself_like_a_secret_is_blanked_out_and_keeps_no_ho
     probe = task("probe")
     token = "ghp_" + "0123456789abcdef" * 2
     data = json.dumps({"devices": [{"id": "usb-1", "name": f"Acme {token} cam"}, {"id": "usb-2", "name": "lamp"}]})
-    kept, told = masked(probe, data.encode())
+    kept, found = masked(probe, data.encode())
     assert token not in kept.decode()
     names = [device["name"] for device in json.loads(kept)["devices"]]
     assert names[0].startswith("Acme ") and names[0].endswith(" cam") and names[1] == "lamp"
-    assert [(item.code, item.severity.value, item.pointer) for item in told] == [
+    assert [(item.code, item.severity.value, item.pointer) for item in found] == [
         ("APPLY-CREDENTIAL-IN-OUTPUT", "warning", "/devices/0/name")
     ]
     assert leaked(probe, kept) == []

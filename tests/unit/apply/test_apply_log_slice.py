@@ -104,7 +104,7 @@ def test_lines_of_a_clock_that_was_ahead_take_no_room_from_what_came_after(tmp_p
 
 def test_what_is_trouble() -> None:
     assert is_trouble(result(1, ok=False)) and not is_trouble(result(1, ok=True))
-    said = {"event": "result", "ok": True, "value": "error: none"}
-    assert not is_trouble(Line(0.0, CALLS, json.dumps(said), said)), "a tool may read the word"
+    fields = {"event": "result", "ok": True, "value": "error: none"}
+    assert not is_trouble(Line(0.0, CALLS, json.dumps(fields), fields)), "a tool may read the word"
     assert is_trouble(Line(0.0, SERVER, "Traceback (most recent call last):"))
     assert not is_trouble(Line(0.0, SERVER, "listening"))

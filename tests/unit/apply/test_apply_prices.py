@@ -49,9 +49,11 @@ def test_a_model_that_no_table_knows_is_refused_before_anything_is_started(
     monkeypatch.setenv("ANTHROPIC_API_KEY", "k")
     project(tmp_path, "anthropic/nobody-knows-1")
     assert main([f"-chdir={tmp_path}", command]) == 1
-    told = capsys.readouterr()
-    assert "APPLY-PRICE-UNKNOWN" in told.out + told.err and "prices: {anthropic/nobody-knows-1" in told.out + told.err
-    assert "octopus.yaml:4:8\n" in told.out + told.err, "the line that names the model"
+    found = capsys.readouterr()
+    assert (
+        "APPLY-PRICE-UNKNOWN" in found.out + found.err and "prices: {anthropic/nobody-knows-1" in found.out + found.err
+    )
+    assert "octopus.yaml:4:8\n" in found.out + found.err, "the line that names the model"
     project(tmp_path, "anthropic/nobody-knows-1", "prices: {anthropic/nobody-knows-1: {input: 1, output: 2}}\n")
     assert main([f"-chdir={tmp_path}", command]) == 0
 
@@ -86,5 +88,5 @@ def test_the_agents_of_the_daemon_are_counted_too(
     capsys.readouterr()
     (tmp_path / "octopus.yaml").write_text(f"version: 1\nhost: bench\nbudget: {{usd: 3}}\n{agent}")
     assert main([f"-chdir={tmp_path}", command]) == 1
-    told = capsys.readouterr()
-    assert "no one knows what anthropic/nobody-knows-1 costs" in told.out + told.err
+    found = capsys.readouterr()
+    assert "no one knows what anthropic/nobody-knows-1 costs" in found.out + found.err

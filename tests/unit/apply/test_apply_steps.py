@@ -92,8 +92,8 @@ def test_without_evidence_the_step_is_skipped(
 def test_two_devices_of_one_profile_are_named_and_none_is_moved(tmp_path: Path) -> None:
     both = [FIRST, SECOND]
     verdict, layout = outcome(tmp_path, [*map(probed, both)], [*map(annotated, both)], [moving(*both)])
-    (told,) = verdict.diagnostics
-    assert told.code == "STEP-SEVERAL-DEVICES" and f"{FIRST}, {SECOND}" in told.summary
+    (found,) = verdict.diagnostics
+    assert found.code == "STEP-SEVERAL-DEVICES" and f"{FIRST}, {SECOND}" in found.summary
     assert not verdict.accepted and not layout.attempts.exists()
 
 

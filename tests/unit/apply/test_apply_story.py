@@ -21,9 +21,9 @@ def test_the_transcript_is_told_in_lines(tmp_path: Path) -> None:
         {"at": 2.0, "event": "tool_returned", "failed": True},
         {"at": 3.0, "event": "trouble", "reason": "rate_limit", "text": "429"},
     ]
-    told = task(tmp_path)
-    told.transcript.write_text("".join(json.dumps(event) + "\n" for event in events) + "no event\n")
-    story = readable_log(told, Outcome(ExitReason.CRASHED, 1, 3.0, turns=1))
+    found = task(tmp_path)
+    found.transcript.write_text("".join(json.dumps(event) + "\n" for event in events) + "no event\n")
+    story = readable_log(found, Outcome(ExitReason.CRASHED, 1, 3.0, turns=1))
     assert story.read_text().splitlines() == [
         "    0.6 s  message: looking",
         "    1.2 s  bash: ls /sys",

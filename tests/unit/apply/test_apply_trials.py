@@ -78,8 +78,8 @@ class Arm:
         if joint in self.skipped:
             return ToolAnswer({"joint": joint, "position": None, "skipped": self.skipped[joint]})
         if tool == "arm_read_joint":
-            told = {"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None}
-            return ToolAnswer({**told, "torque": read(self.bus, number, 40, 1)})
+            fields = {"joint": joint, "position": read(self.bus, number, 56, 2), "skipped": None}
+            return ToolAnswer({**fields, "torque": read(self.bus, number, 40, 1)})
         if tool == "arm_set_torque":
             if self.keeps is None:
                 write(self.bus, number, 40, 1, int(arguments["on"]))
@@ -153,9 +153,9 @@ def test_a_stuck_servo_acknowledges_and_fails() -> None:
     arm.bus.servos[3].fault = "stuck"
     one = tried(arm)
     assert codes(one) == ["STEP-NOT-MOVED"]
-    (told,) = one.found
-    assert told.summary == "elbow_flex did not move: 3080 raw before, goal 2880, 3080 after; at least 50 were wanted"
-    assert told.pointer == "/trials/0" and told.detail == "arm_move_joint answered that all is well"
+    (found,) = one.found
+    assert found.summary == "elbow_flex did not move: 3080 raw before, goal 2880, 3080 after; at least 50 were wanted"
+    assert found.pointer == "/trials/0" and found.detail == "arm_move_joint answered that all is well"
     # It is not left with a goal that it would leap to when it comes free.
     assert arm.calls[-1] == ("arm_move_joint", {"joint": "elbow_flex", "position": 3080})
 
@@ -266,10 +266,10 @@ def test_a_failed_trial_is_restored_too_unless_nothing_can_be_called() -> None:
 def test_what_is_not_restored_is_a_warning() -> None:
     arm = an_arm(keeps=ToolAnswer(None, "denied by policy.tools", refused=True))
     one = restored(arm)
-    (told,) = one.found
-    assert (told.code, told.severity, told.pointer) == ("STEP-NOT-RESTORED", "warning", "/trials/0/restore")
-    assert told.summary.endswith("/torque of arm_read_joint was 0 before the hardware test, is 1 now, and stays so")
-    assert told.detail == "denied by policy.tools" and not one.restored and one.back is not None
+    (found,) = one.found
+    assert (found.code, found.severity, found.pointer) == ("STEP-NOT-RESTORED", "warning", "/trials/0/restore")
+    assert found.summary.endswith("/torque of arm_read_joint was 0 before the hardware test, is 1 now, and stays so")
+    assert found.detail == "denied by policy.tools" and not one.restored and one.back is not None
     one = restored(an_arm(keeps=ToolAnswer({})))
     assert codes(one) == ["STEP-NOT-RESTORED"] and one.found[0].detail is None
     one = restored(an_arm(keeps=ToolAnswer(None, "emergency stop: engaged", refused=True, over=True)))
@@ -331,8 +331,8 @@ class Rail:
                 break
             self.time.wait(0.1)
             answer = self.line.feed(b"")
-        said = answer.decode().strip()
-        return ToolAnswer({"answer": said}) if said == "OK" else ToolAnswer(None, f"refused: {said}")
+        text = answer.decode().strip()
+        return ToolAnswer({"answer": text}) if text == "OK" else ToolAnswer(None, f"refused: {text}")
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         assert view == {"tool": "capture_image", "arguments": {}}

@@ -124,8 +124,8 @@ def test_a_file_that_was_replaced_meanwhile_is_not_the_one_that_is_had(path: Pat
         waiting = threading.Thread(target=wait)
         waiting.start()
         place = f":{path.stat().st_ino} "
-        told = Path("/proc/locks").read_text
-        until(lambda: any("->" in line and place in line for line in told().splitlines()), "it waits")
+        result = Path("/proc/locks").read_text
+        until(lambda: any("->" in line and place in line for line in result().splitlines()), "it waits")
         path.unlink()
         path.write_bytes(b"")
     waiting.join(30.0)

@@ -32,9 +32,9 @@ def test_the_contract_accepts_every_invented_host(name: str, tmp_path: Path) -> 
 @pytest.mark.parametrize("strings", [(), ("product: USB Device",)])
 def test_the_class_of_a_pipe_names_no_kind_of_thing(name: str, strings: tuple[str, ...]) -> None:
     entry = usb(*strings, "interface 00: class 03/00/00 driver=usbhid", classes=["hid", "hidraw"], drivers=["usbhid"])
-    told = {"identified_as": name, "category": "sensor", "confidence": 0.3, "method": "kernel_class"}
-    told |= {"id": entry["id"], "evidence": [{"quote": "driver=usbhid"}], "capabilities": []}
-    value = {"format": 1, "devices": [told], "left_out": []}
+    fields = {"identified_as": name, "category": "sensor", "confidence": 0.3, "method": "kernel_class"}
+    fields |= {"id": entry["id"], "evidence": [{"quote": "driver=usbhid"}], "capabilities": []}
+    value = {"format": 1, "devices": [fields], "left_out": []}
     found = check("identify", value, Artifacts(probe=probe(entry)), ROOT / "protocol/schemas")
     assert [item.code for item in found] == ["IDENTIFY-GUESS"]
 

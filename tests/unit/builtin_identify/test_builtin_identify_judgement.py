@@ -180,8 +180,8 @@ def test_two_letters_behind_the_maker_s_whole_name_tell_a_model(maker: str, prod
 def test_a_hid_class_alone_names_nothing(lines: tuple[str, ...]) -> None:
     found = answer(usb(*lines, drivers=["usb", "usbhid"], classes=["hidraw"]))
     assert (found["category"], found["confidence"], found["capabilities"]) == ("unknown", 0.0, [])
-    told = answer(usb(*lines, "hid[0].usages: 0001/0006", drivers=["usb", "usbhid"], classes=["hidraw"]))
-    assert (told["category"], told["class"]) == ("sensor", "keyboard")
+    result = answer(usb(*lines, "hid[0].usages: 0001/0006", drivers=["usb", "usbhid"], classes=["hidraw"]))
+    assert (result["category"], result["class"]) == ("sensor", "keyboard")
 
 
 def test_a_linked_database_outside_the_root_is_not_read(tmp_path: Path) -> None:
@@ -235,5 +235,5 @@ def test_every_device_is_in_exactly_one_list_and_the_answer_is_the_same_again() 
     )
     first, again = (identify(document, IdDatabases(Path("/nonexistent"))) for _ in range(2))
     assert first == again
-    told = [entry["id"] for member in ("devices", "left_out") for entry in first[member]]
-    assert sorted(told) == sorted(entry["id"] for entry in document["devices"])
+    lines = [entry["id"] for member in ("devices", "left_out") for entry in first[member]]
+    assert sorted(lines) == sorted(entry["id"] for entry in document["devices"])

@@ -76,10 +76,10 @@ def refused(entry: dict[str, Any]) -> list[str]:
     """What the contracts of IDENTIFY and INTERFACE say against the agent's answer about one device."""
     probed = probe(entry)
     found = identify(probed, NO_DATABASES)
-    told = check("identify", found, Artifacts(probe=probed), SCHEMAS)
+    result = check("identify", found, Artifacts(probe=probed), SCHEMAS)
     tools = declare(found, 100)
-    told += check("interface", tools, Artifacts(probe=probed, identify=found), SCHEMAS)
-    return [f"{one.code}: {one.summary} {json.dumps(found)}" for one in told if one.severity.value == "error"]
+    result += check("interface", tools, Artifacts(probe=probed, identify=found), SCHEMAS)
+    return [f"{one.code}: {one.summary} {json.dumps(found)}" for one in result if one.severity.value == "error"]
 
 
 @pytest.mark.parametrize("shape", SHAPES)
@@ -97,9 +97,9 @@ def refused(entry: dict[str, Any]) -> list[str]:
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
     form = SHAPES[shape]
     lines = [
-        f"{key}: {kernel_text.value(said)}"
-        for key, said in (("manufacturer", maker), ("product", product))
-        if said.strip()
+        f"{key}: {kernel_text.value(text)}"
+        for key, text in (("manufacturer", maker), ("product", product))
+        if text.strip()
     ]
     lines += form.get("lines", [])
     if bus == "usb":
@@ -114,8 +114,8 @@ def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker
 @for_each("product", ["", "Kamera", "Otter Drucker", "USB Kopfhörer", "робот", "Тепловая камера", "电机", "Waage 3"])
 def test_a_kind_of_thing_in_another_language_is_accepted(shape: str, product: str) -> None:
     """No class of the kernel bears it out: what the quote means does, and USB3 Vision is a camera's class."""
-    said = [f"product: {kernel_text.value(product)}"] if product else []
-    assert refused(usb(*said, *SHAPES[shape].get("lines", []))) == []
+    lines = [f"product: {kernel_text.value(product)}"] if product else []
+    assert refused(usb(*lines, *SHAPES[shape].get("lines", []))) == []
 
 
 @given(SAID, SAID)

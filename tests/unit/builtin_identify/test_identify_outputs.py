@@ -76,9 +76,9 @@ def test_a_printers_id_is_told_without_its_serial_number(tmp_path: Path) -> None
     tree.member("pci0/usb1/1-5/1-5:1.0/usbmisc/lp0", "usbmisc", DEVNAME="usb/lp0")
     tree.member("serial0/gnss/gnss0", "gnss", {"type": "NMEA"}, DEVNAME="gnss0")
     devices = probe_root(tmp_path)["devices"]
-    said = "\n".join(one["raw_descriptor"] for one in devices)
-    assert "usbmisc[0].ieee1284_id: MFG:Demo;MDL:Inker 9;CMD:PCL,PJL;CLS:PRINTER" in said
-    assert "gnss[0].type: NMEA" in said and "SECRET77" not in said
+    text = "\n".join(one["raw_descriptor"] for one in devices)
+    assert "usbmisc[0].ieee1284_id: MFG:Demo;MDL:Inker 9;CMD:PCL,PJL;CLS:PRINTER" in text
+    assert "gnss[0].type: NMEA" in text and "SECRET77" not in text
 
 
 @pytest.mark.parametrize(

@@ -56,9 +56,9 @@ def test_a_mac_is_named_and_gets_no_tool(planted: Planted) -> None:
     assert devices["macos-camera-lidview-hd-camera"]["identified_as"] == "Lidview HD Camera"
     assert all(one["capabilities"] == [] for one in devices.values())
     assert declared["tools"] == []
-    told = {item["id"]: item.get("detail", "") for item in declared["left_out"]}
-    assert told["usb-1d9c-0c14"] == "seen by macOS, for which the embedded agent writes no tools"
-    assert "kernel" not in " ".join(told[name] for name in devices)
+    fields = {item["id"]: item.get("detail", "") for item in declared["left_out"]}
+    assert fields["usb-1d9c-0c14"] == "seen by macOS, for which the embedded agent writes no tools"
+    assert "kernel" not in " ".join(fields[name] for name in devices)
     reasons = {item["id"]: item["reason"] for item in declared["left_out"]}
     assert reasons["usb-1d9c-0c14"] == reasons["macos-camera-lidview-hd-camera"] == "no_standard_interface"
     assert reasons["macos-printer-reed-jet-airprint"] == reasons["macos-camera-phone17-2"] == "network_neighbour"

@@ -84,7 +84,7 @@ def test_each_device_is_what_it_is(name: str, tmp_path: Path) -> None:
             assert (device["category"], device["confidence"], device["capabilities"]) == ("unknown", 0.0, [])
             continue
         assert device["category"] != "unknown" and words in device["identified_as"], device
-        said = " ".join(f"{each['name']} {each['raw_descriptor']}" for each in probe["devices"]) + words
-        told = [word for word in device["identified_as"].split() if any(map(str.isdigit, word))]
-        assert all(word in said for word in told), device
+        text = " ".join(f"{each['name']} {each['raw_descriptor']}" for each in probe["devices"]) + words
+        lines = [word for word in device["identified_as"].split() if any(map(str.isdigit, word))]
+        assert all(word in text for word in lines), device
         assert set(tools) <= {each["name"] for each in device["capabilities"]}, device

@@ -226,8 +226,8 @@ def test_an_agent_that_strays_from_the_grammar_is_refused(case: str) -> None:
     named = identify(PROBE, IdDatabases(Path("/nonexistent")), [for_task(RAIL, {ID})])
     facts = {RAIL.name: ProfileFacts(RAIL.name, frozenset({ID}), (), commands(RAIL))}
     found = check("interface", interface, Artifacts(probe=PROBE, identify=named, profiles=facts), SCHEMAS)
-    told = [item.summary for item in found if item.code == "INTERFACE-GRAMMAR-DIFFERS"]
-    assert len(told) == 1 and says in told[0], found
+    lines = [item.summary for item in found if item.code == "INTERFACE-GRAMMAR-DIFFERS"]
+    assert len(lines) == 1 and says in lines[0], found
     without = {RAIL.name: replace(facts[RAIL.name], commands=())}
     other = check("interface", interface, Artifacts(probe=PROBE, identify=named, profiles=without), SCHEMAS)
     assert "INTERFACE-GRAMMAR-DIFFERS" not in {item.code for item in other}

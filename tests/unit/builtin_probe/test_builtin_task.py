@@ -37,15 +37,15 @@ def test_profiles_and_answers_are_read(tmp_path: Path) -> None:
 def test_the_devices_that_were_refused_before_are_read(tmp_path: Path) -> None:
     devices = [{"id": name, "category": "sensor"} for name in ("one", "two", "three")]
     (tmp_path / "former-output.json").write_text(json.dumps({"devices": devices}))
-    told = [
+    lines = [
         {"severity": "error", "pointer": "/devices/1/identified_as"},
         {"severity": "warning", "pointer": "/devices/0"},
         {"severity": "error", "pointer": "/left_out/2"},
         {"severity": "error", "pointer": "/devices/9"},
     ]
-    assert read_task(write(tmp_path, diagnostics=told), {}).refused == (devices[1],)
+    assert read_task(write(tmp_path, diagnostics=lines), {}).refused == (devices[1],)
     (tmp_path / "former-output.json").unlink()
-    assert read_task(write(tmp_path, diagnostics=told), {}).refused == ()
+    assert read_task(write(tmp_path, diagnostics=lines), {}).refused == ()
 
 
 @pytest.mark.parametrize(

@@ -40,9 +40,9 @@ def asked(command: Command, seconds: float = 20, most: int = 1000) -> tuple[str,
 
 def test_a_tool_gets_its_arguments_as_they_are_no_input_and_no_secret(tool: Tool) -> None:
     command = tool('echo "$#" "$2"; read line || echo no input; env | cut -d= -f1 | sort | tr "\\n" " "')
-    status, _, said = asked(command)
-    assert (status, said.splitlines()[:2]) == ("ok", ["2 $HOME; ls", "no input"])
-    assert set(said.splitlines()[2].split()) <= {"LC_ALL", "PATH", "PWD", "OLDPWD", "SHLVL", "_"}
+    status, _, found = asked(command)
+    assert (status, found.splitlines()[:2]) == ("ok", ["2 $HOME; ls", "no input"])
+    assert set(found.splitlines()[2].split()) <= {"LC_ALL", "PATH", "PWD", "OLDPWD", "SHLVL", "_"}
 
 
 def test_a_missing_tool_is_not_found() -> None:

@@ -44,8 +44,8 @@ Product=17
 def record(root: Path, **outputs: str) -> None:
     folder = root / "recorded/commands"
     folder.mkdir(parents=True, exist_ok=True)
-    for name, said in outputs.items():
-        (folder / name.replace("_", "-")).write_text(said)
+    for name, text in outputs.items():
+        (folder / name.replace("_", "-")).write_text(text)
 
 
 def with_bluetooth(root: Path) -> Path:

@@ -106,8 +106,8 @@ def _usb(tree: Tree) -> None:
     tree.member("pci0/usb1/1-4/1-4:1.0/tty/ttyACM0", "tty", DEVNAME="ttyACM0")
     tree.usb("pci0/usb1/1-5", "1f00", "00e1")
     tree.member("pci0/usb1/1-5/1-5:1.0/usbmisc/lp0", "usbmisc", DEVNAME="usb/lp0")
-    said = "MFG:Demo Makers;MDL:Inker 9;CMD:PCL,PJL;CLS:PRINTER;SN:SECRET77;"
-    (tree.root / "sys/devices/pci0/usb1/1-5/1-5:1.0/ieee1284_id").write_text(said)
+    text = "MFG:Demo Makers;MDL:Inker 9;CMD:PCL,PJL;CLS:PRINTER;SN:SECRET77;"
+    (tree.root / "sys/devices/pci0/usb1/1-5/1-5:1.0/ieee1284_id").write_text(text)
     (tree.root / "dev/usb").mkdir()
     (tree.root / "dev/usb/lp0").touch()
 

@@ -70,13 +70,13 @@ def test_axes_have_ranges_and_buttons_have_names(endpoint: Endpoint, monkeypatch
         return struct.pack("=6i", code - 0x40, -32768, 32767, 16, 128, 0)
 
     monkeypatch.setattr("fcntl.ioctl", ioctl)
-    (told,) = endpoint.data([("describe_input", {})])[0]["inputs"]
-    named = {axis["name"]: axis for axis in told["axes"]}
+    (found,) = endpoint.data([("describe_input", {})])[0]["inputs"]
+    named = {axis["name"]: axis for axis in found["axes"]}
     assert list(named) == ["x", "y", "z", "rx", "ry", "rz", "20", "21"]
     assert named["ry"] == {"code": 4, "name": "ry", "minimum": -32768, "maximum": 32767, "position": 4}
     assert named["21"]["maximum"] is None
     wanted = "south east north west tl tr select start mode thumb_l thumb_r"
-    assert told["buttons"] == wanted.split() and told["keys"] == 11
+    assert found["buttons"] == wanted.split() and found["keys"] == 11
 
 
 def test_a_pad_rumbles_for_a_bounded_time(endpoint: Endpoint, monkeypatch: pytest.MonkeyPatch) -> None:

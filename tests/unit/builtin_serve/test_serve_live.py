@@ -106,8 +106,8 @@ def test_power_light_storage_display_and_clock(tmp_path: Path, mode: str) -> Non
         [*((name, {}) for name in names), ("read_clock", {})], mode
     )
     (cell,) = battery["supplies"]
-    told = (cell["capacity_percent"], cell["voltage_v"], cell["temperature_degc"], cell["cycles"], cell["energy_wh"])
-    assert told == (83.0, 12.1, 30.5, 212, 41.0)
+    lines = (cell["capacity_percent"], cell["voltage_v"], cell["temperature_degc"], cell["cycles"], cell["energy_wh"])
+    assert lines == (83.0, 12.1, 30.5, 212, 41.0)
     assert (cell["online"], cell["charge_ah"], cell["health"]) == (None, None, None)
     assert [(one["name"], one["online"]) for one in mains["supplies"]] == [("AC", 1)]
     assert panel["lights"] == [{"name": "panel0", "percent": 25.0, "level": 100, "maximum": 400}]
@@ -150,7 +150,7 @@ def test_input_devices_are_described_and_listened_to(tmp_path: Path) -> None:
     pipe = os.open(endpoint.root / "dev/input/event3", os.O_RDWR)
     try:
         os.write(pipe, key_event(30, 1) + key_event(30, 0))
-        told, events, none = endpoint.data(
+        found, events, none = endpoint.data(
             [
                 ("describe_input", {}),
                 ("read_input_events", {"seconds": 30, "events": 2}),
@@ -159,7 +159,7 @@ def test_input_devices_are_described_and_listened_to(tmp_path: Path) -> None:
         )
     finally:
         os.close(pipe)
-    (keys,) = told["inputs"]
+    (keys,) = found["inputs"]
     wanted = {"name": "Demo Keys", "event": "event3", "sends": ["key", "abs"], "keys": 3, "buttons": []}
     assert keys.items() >= wanted.items()
     assert [(axis["code"], axis["name"], axis["maximum"]) for axis in keys["axes"]] == [(0, "x", None), (1, "y", None)]

@@ -31,7 +31,7 @@ def set_to(channel: str, value: float) -> tuple[str, dict[str, object]]:
 
 def test_an_output_is_set_in_its_unit_and_read_back(tmp_path: Path) -> None:
     endpoint = Endpoint(tmp_path, ("read_output_channels", "set_output_channel"))
-    volts, amperes, told = endpoint.data(
+    volts, amperes, found = endpoint.data(
         [set_to("out_voltage0", 0.25), set_to("out_current0", 0.002), ("read_output_channels", {})]
     )
     assert ((endpoint.root / DAC / "out_voltage0_raw").read_text()) == "1500"  # 250 mV is (1500 - 1000) * 0.5 mV
@@ -43,10 +43,10 @@ def test_an_output_is_set_in_its_unit_and_read_back(tmp_path: Path) -> None:
     ]
     (current,) = amperes["outputs"]
     assert (current["value"], current["unit"], current["minimum"]) == (0.002, "A", None)
-    assert [(one["channel"], one["value"]) for one in told["outputs"]] == [
+    assert [(one["channel"], one["value"]) for one in found["outputs"]] == [
         *(("out_current0", 0.002), ("out_voltage0", 0.25), ("out_voltage2", None)),
     ]
-    assert told["device"] == CONVERTER
+    assert found["device"] == CONVERTER
 
 
 def test_an_output_is_never_set_beyond_its_range_or_without_a_scale(tmp_path: Path) -> None:
@@ -83,13 +83,13 @@ def test_a_position_from_a_round_of_sentences(receiver: tuple[Endpoint, int]) ->
     speaker = threading.Thread(target=speak)
     speaker.start()
     try:
-        (told,) = endpoint.data([("read_position", {"seconds": 30})])
+        (found,) = endpoint.data([("read_position", {"seconds": 30})])
     finally:
         stop.set()
         speaker.join()
-    assert told["device"] == RECEIVER and told["fix"] == "3d" and told["waited_s"] < 30
-    assert (told["latitude_deg"], told["longitude_deg"], told["altitude_m"]) == (48.1173, -11.5166667, 545.4)
-    assert (told["satellites"], told["hdop"], told["time_utc"]) == (8, 0.9, "2094-03-23T10:15:30Z")
+    assert found["device"] == RECEIVER and found["fix"] == "3d" and found["waited_s"] < 30
+    assert (found["latitude_deg"], found["longitude_deg"], found["altitude_m"]) == (48.1173, -11.5166667, 545.4)
+    assert (found["satellites"], found["hdop"], found["time_utc"]) == (8, 0.9, "2094-03-23T10:15:30Z")
 
 
 def test_without_a_fix_there_is_no_position_and_nothing_is_sent(receiver: tuple[Endpoint, int]) -> None:
@@ -99,8 +99,8 @@ def test_without_a_fix_there_is_no_position_and_nothing_is_sent(receiver: tuple[
     assert (silent["fix"], silent["sentences"], silent["time_utc"]) == ("none", 0, None)
     assert termios.tcgetattr(ours)[3] == 0  # what comes now is not sent back
     os.write(ours, sentence("GPGGA,101531.00,,,,,0,00,99.9,,M,,M,,") + sentence("GPRMC,101531.00,V,,,,,,,230394,,,N"))
-    (told,) = endpoint.data([("read_position", {"seconds": 0.3})])
-    assert (told["fix"], told["latitude_deg"], told["satellites"], told["sentences"]) == ("none", None, 0, 2)
+    (found,) = endpoint.data([("read_position", {"seconds": 0.3})])
+    assert (found["fix"], found["latitude_deg"], found["satellites"], found["sentences"]) == ("none", None, 0, 2)
     assert struct.unpack("i", fcntl.ioctl(ours, termios.FIONREAD, bytes(4))) == (0,)
 
 
@@ -133,12 +133,12 @@ def test_what_a_video_processor_takes_and_gives(tmp_path: Path, monkeypatch: pyt
         return struct.pack("=3I32s4s16x", index, kind, 1, b"some words", queues[kind][index])
 
     monkeypatch.setattr("fcntl.ioctl", ioctl)
-    (told,) = endpoint.data([("list_video_codecs", {})])
-    assert told["codecs"] == [{"name": "vpu-dec", "takes": ["H264", "MPG2"], "gives": ["NV12"]}]
+    (found,) = endpoint.data([("list_video_codecs", {})])
+    assert found["codecs"] == [{"name": "vpu-dec", "takes": ["H264", "MPG2"], "gives": ["NV12"]}]
 
 
 def test_counts_are_read_with_their_direction(tmp_path: Path) -> None:
-    (told,) = Endpoint(tmp_path, ("read_counters",)).data([("read_counters", {})])
-    wheel, broken = told["counts"]
+    (found,) = Endpoint(tmp_path, ("read_counters",)).data([("read_counters", {})])
+    wheel, broken = found["counts"]
     assert wheel == {"counter": "encoder", "name": "Wheel", "count": -42, "direction": "backward", "function": None}
     assert (broken["name"], broken["count"]) == ("count1", None)

@@ -61,9 +61,9 @@ def test_all_of_it_is_there_again_after_a_restart(bench: Bench) -> None:
 def test_the_endpoint_is_told_and_told_again_when_it_is_over(bench: Bench) -> None:
     claim = bench.claim(bench.read(70))
     assert isinstance(claim, Claim)
-    (told,) = restricted(bench)
-    assert told["tool"] == "arm_move_joint" and told["effect"] == "deny" and told["claim"] == claim.id
-    assert told["expires"] == claim.expires and told["expires_at"] == claim.expires_at
+    (found,) = restricted(bench)
+    assert found["tool"] == "arm_move_joint" and found["effect"] == "deny" and found["claim"] == claim.id
+    assert found["expires"] == claim.expires and found["expires_at"] == claim.expires_at
     bench.clock.now += 10
     bench.read(71)
     assert restricted(bench)[0]["expires"] == claim.expires + 10
@@ -173,9 +173,9 @@ def test_where_both_files_are_lost_nothing_moves_until_a_person_says_so(bench: B
     ledger = bench.again()
     (lost,) = ledger.active()
     assert lost.id == claim.id and "is lost" in lost.statement
-    (told,) = restricted(bench)
-    assert (told["tool"], told["arguments"], told["effect"], told["expires"]) == ("", {}, "deny", None)
-    assert "device" not in told
+    (found,) = restricted(bench)
+    assert (found["tool"], found["arguments"], found["effect"], found["expires"]) == ("", {}, "deny", None)
+    assert "device" not in found
     assert bench.again().active() == (lost,)
     waiting = bench.ledger.propose(proposal, "watch")
     assert isinstance(waiting, Claim) and waiting.id != claim.id, "the number of a lost one is given to no other"

@@ -87,10 +87,10 @@ def _no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
 @given(st.lists(steps, min_size=5, max_size=40))
 def test_nothing_is_restricted_but_for_a_fresh_reading_that_bears_it_out(course: list[tuple[str, Any]]) -> None:
     with tempfile.TemporaryDirectory() as folder:
-        told = Told(Bench(Path(folder), Clock()))
+        found = Told(Bench(Path(folder), Clock()))
         for step, what in course:
-            made = take(told, step, what)
-            check(told, step, made)
+            made = take(found, step, what)
+            check(found, step, made)
 
 
 def take(told: Told, step: str, what: Any) -> Claim | None:

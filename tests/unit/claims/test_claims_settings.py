@@ -59,8 +59,14 @@ def test_where_the_policy_cannot_be_read_there_is_no_tool(layout: Layout, damage
 
 
 def test_bounds_come_back_from_plain_values_and_what_is_none_is_left_out() -> None:
-    told = {"name": "temperature", "trouble_above": 65, "settled_below": 60, "sources": ["arm_status"], "source": "arm"}
-    wrong = [{**told, "trouble_above": "65"}, {**told, "name": 3}, {**told, "settled_below": float("nan")}, {}]
-    assert bounds_of([*wrong, told]) == (
+    fields = {
+        "name": "temperature",
+        "trouble_above": 65,
+        "settled_below": 60,
+        "sources": ["arm_status"],
+        "source": "arm",
+    }
+    wrong = [{**fields, "trouble_above": "65"}, {**fields, "name": 3}, {**fields, "settled_below": float("nan")}, {}]
+    assert bounds_of([*wrong, fields]) == (
         Bound("temperature", trouble_above=65, settled_below=60, sources=("arm_status",), source="arm"),
     )

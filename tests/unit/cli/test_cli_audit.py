@@ -58,7 +58,7 @@ def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, caps
         main([*words, "call", "move_rail", "-arg", "steps=4"])
         capsys.readouterr()
         assert main([*words, "audit"]) == 0
-        said = capsys.readouterr().out
+        found = capsys.readouterr().out
         assert main([*words, "audit", "-n", "0"]) == 0
         assert capsys.readouterr().out == ""
     for pattern in (
@@ -71,8 +71,8 @@ def test_calls_are_told_in_sentences_with_what_came_of_them(tmp_path: Path, caps
         r"  estop       no profile names a stop action: nothing was sent to any device$",
         r"  refused     move_rail\(steps=4\) for local \(.+\): emergency stop: engaged by ",
     ):
-        assert re.search(pattern, said, re.MULTILINE), (pattern, said)
-    assert "private words" not in said and "{" not in said
+        assert re.search(pattern, found, re.MULTILINE), (pattern, found)
+    assert "private words" not in found and "{" not in found
 
 
 def test_an_approval_is_told_with_who_was_asked(
@@ -87,22 +87,24 @@ def test_an_approval_is_told_with_who_was_asked(
         assert main(move) == 1
         assert "no one could be asked: there is no terminal; -auto-approve approves" in capsys.readouterr().err
         assert main([*words, "audit"]) == 0
-        said = [line[30:] for line in capsys.readouterr().out.splitlines()[1:]]
+        items = [line[30:] for line in capsys.readouterr().out.splitlines()[1:]]
     client = rf'local \("octoform -auto-approve {re.escape(octoform.__version__)}", pid \d+ of uid \d+\)'
     asked = re.fullmatch(
-        rf"asked       move_rail\(steps=3\) for {client}: a person has to approve it \(approval (\w{{8}})\)", said[0]
+        rf"asked       move_rail\(steps=3\) for {client}: a person has to approve it \(approval (\w{{8}})\)", items[0]
     )
-    assert asked, said
+    assert asked, items
     marks = rf"\(approval {asked[1]}\)"
-    assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for {client}: approved by -auto-approve {marks}", said[1])
-    assert re.match(rf"asked       move_rail\(steps=3\) for local {ME}: a person has to approve it \(approval", said[3])
-    assert len(said) == 4, "no one was asked, so no one's word is told"
+    assert re.fullmatch(rf"allowed     move_rail\(steps=3\) for {client}: approved by -auto-approve {marks}", items[1])
+    assert re.match(
+        rf"asked       move_rail\(steps=3\) for local {ME}: a person has to approve it \(approval", items[3]
+    )
+    assert len(items) == 4, "no one was asked, so no one's word is told"
 
 
 def test_every_answer_of_a_person_has_its_words() -> None:
     base = {"event": "decision", "tool": "fire", "caller": "anna", "arguments": {}, "client": "x 1", "approval": "ab"}
     refused = {**base, "decision": "refuse", "code": "range", "text": "too much"}
-    told = [
+    items = [
         line[30:]
         for line in lines(
             {**base, "decision": "ask"},
@@ -113,7 +115,7 @@ def test_every_answer_of_a_person_has_its_words() -> None:
             {**refused, "client": "x 1"},
         )
     ]
-    assert told == [
+    assert items == [
         'asked       fire() for anna ("x 1"): a person has to approve it (approval ab)',
         'allowed     fire() for anna ("x 1"): approved by the client\'s person (approval ab)',
         'refused     fire() for anna ("x 1"): too much; it was approved by the client\'s person (approval ab)',
@@ -170,11 +172,11 @@ def test_what_a_stop_did_has_a_line_for_each_device() -> None:
 
 
 def test_shadow_mode_says_what_would_have_been_refused() -> None:
-    told = lines({
+    found = lines({
         "event": "decision", "tool": "move_rail", "caller": "cell", "decision": "allow", "arguments": {"steps": 5},
         "shadow": ["range: steps is 5, more than 4", "denied: by policy.rules[0]"],
     })  # fmt: skip
-    assert [line[42:] for line in told] == [
+    assert [line[42:] for line in found] == [
         "move_rail(steps=5) for cell",
         "would have been refused: range: steps is 5, more than 4",
         "would have been refused: denied: by policy.rules[0]",
@@ -183,26 +185,26 @@ def test_shadow_mode_says_what_would_have_been_refused() -> None:
 
 def test_an_emergency_stop_that_came_second_names_the_first() -> None:
     latched = {"by": "anna", "reason": "smoke", "since": "2026-05-04T11:00:00Z"}
-    (told,) = lines({"event": "estop", "by": "ben", "reason": "", "latched": latched})
-    assert told[42:] == (
+    (found,) = lines({"event": "estop", "by": "ben", "reason": "", "latched": latched})
+    assert found[42:] == (
         "emergency stop by ben, who gave no reason; engaged already, since 2026-05-04T11:00:00Z by anna"
     )
-    (told,) = lines({"event": "estop", "by": "ben", "reason": "hot", "latched": None})
-    assert told[42:] == "emergency stop by ben: hot; NOT engaged"
+    (found,) = lines({"event": "estop", "by": "ben", "reason": "hot", "latched": None})
+    assert found[42:] == "emergency stop by ben: hot; NOT engaged"
 
 
 @pytest.mark.parametrize(
     "record", [{"event": "of tomorrow", "colour": "red"}, {"event": "outcome"}, {"event": "estop"}]
 )
 def test_a_record_of_another_version_is_shown_as_it_stands(record: dict[str, Any]) -> None:
-    (told,) = lines(record)
-    assert f"  {record['event']}" in told
-    assert all(json.loads(json.dumps(value)) in told for name, value in record.items() if name != "event")
+    (found,) = lines(record)
+    assert f"  {record['event']}" in found
+    assert all(json.loads(json.dumps(value)) in found for name, value in record.items() if name != "event")
 
 
 def test_nothing_in_a_record_acts_on_the_terminal() -> None:
-    (told,) = lines({"event": "estop", "by": "\x1b[1manna", "reason": "smoke\nbench: cleared", "latched": None})
-    assert "\x1b" not in told and "\\x1b" in told
+    (found,) = lines({"event": "estop", "by": "\x1b[1manna", "reason": "smoke\nbench: cleared", "latched": None})
+    assert "\x1b" not in found and "\\x1b" in found
 
 
 def test_every_event_that_the_launcher_writes_has_a_sentence() -> None:

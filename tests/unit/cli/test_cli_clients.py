@@ -57,8 +57,8 @@ def test_what_is_printed_is_what_is_installed(client: Any, project: Path, capsys
     content = parsed(client.file, printed.out)
     for key in client.table:
         content = content[key]
-    said = json.dumps(content["octoform-bench"])
-    assert all(json.dumps(word) in said for word in client_command(Layout(project, "bench")))
+    found = json.dumps(content["octoform-bench"])
+    assert all(json.dumps(word) in found for word in client_command(Layout(project, "bench")))
     assert printed.out == snippets("octoform-bench", client_command(Layout(project, "bench")))[client.file]
     assert main([f"-chdir={project}", "clients", "list", "-json"]) == 0
     listed = {item["client"]: item["state"] for item in json.loads(capsys.readouterr().out)["clients"]}
@@ -83,9 +83,9 @@ def test_no_clients_file_names_a_cache_that_is_cleaned(
     monkeypatch.setenv("PATH", f"{passing}:{tmp_path / 'shims'}")
     for words in (["clients", "install", "claude-code"], ["connect", "-print", "claude-code"]):
         assert main([f"-chdir={project}", *words]) == 1
-        said = capsys.readouterr()
-        assert "error[CLIENT-COMMAND-TEMPORARY]" in said.err and "uv tool install octoform" in said.err
-        assert said.out == "" and not (tmp_path / "home" / ".claude.json").exists()
+        found = capsys.readouterr()
+        assert "error[CLIENT-COMMAND-TEMPORARY]" in found.err and "uv tool install octoform" in found.err
+        assert found.out == "" and not (tmp_path / "home" / ".claude.json").exists()
     stays = tmp_path / "bin" / "octoform"
     stays.parent.mkdir()
     stays.write_text("#!/bin/sh\n")
@@ -104,8 +104,8 @@ def test_a_slip_in_a_name_is_understood(
     project: Path, capsys: pytest.CaptureFixture[str], word: str, hint: str
 ) -> None:
     assert main([f"-chdir={project}", "clients", "install", word]) == 1
-    said = capsys.readouterr().err
-    assert "CLIENT-UNKNOWN" in said and hint in said
+    found = capsys.readouterr().err
+    assert "CLIENT-UNKNOWN" in found and hint in found
 
 
 @pytest.mark.parametrize("word", ["Claude Code", "claude_code", "CLAUDE", "claude-code"])
@@ -136,8 +136,8 @@ def test_a_broken_file_is_shown_with_its_line(project: Path, capsys: pytest.Capt
     path.parent.mkdir()
     path.write_text('{\n  "mcpServers" {}\n}\n')
     assert main([f"-chdir={project}", "clients", "install", "cursor"]) == 1
-    said = capsys.readouterr().err
-    assert "CLIENT-FILE-SYNTAX" in said and "mcp.json:2:16" in said and "a colon is expected here" in said
+    found = capsys.readouterr().err
+    assert "CLIENT-FILE-SYNTAX" in found and "mcp.json:2:16" in found and "a colon is expected here" in found
     assert main([f"-chdir={project}", "clients", "list"]) == 0
     assert "cannot be read" in capsys.readouterr().out
 
@@ -149,8 +149,8 @@ def test_the_document_tells_every_client_and_its_file(
     assert main([f"-chdir={project}", "clients", "list", "-json"]) == 0
     listed = json.loads(capsys.readouterr().out)["clients"]
     home = str(project.parent / "home")
-    told = [(row["title"], row["client"], row["file"].replace(home, "~")) for row in listed]
-    assert [(title, key, file) for title, key, file, _ in rows] == told
+    lines = [(row["title"], row["client"], row["file"].replace(home, "~")) for row in listed]
+    assert [(title, key, file) for title, key, file, _ in rows] == lines
     assert {key: table for _, key, _, table in rows} == {key: ".".join(item.table) for key, item in CLIENTS.items()}
 
 
@@ -199,8 +199,8 @@ def test_a_running_endpoint_with_an_address_is_given_over_http(
         assert main([f"-chdir={project}", "clients", "install", "lm-studio"]) == 0
         assert "(stdio)" in capsys.readouterr().out, "a value is only written when that is asked for"
         assert main([f"-chdir={project}", "clients", "install", "lm-studio", "-transport", "http"]) == 0
-        said = capsys.readouterr()
-        assert "CLIENT-TOKEN-WRITTEN" in said.err and endpoint.token() not in said.out + said.err
+        found = capsys.readouterr()
+        assert "CLIENT-TOKEN-WRITTEN" in found.err and endpoint.token() not in found.out + found.err
         file = project.parent / "home" / ".lmstudio" / "mcp.json"
         headers = json.loads(file.read_text())["mcpServers"]["octoform-bench"]["headers"]
         assert headers == {"Authorization": f"Bearer {endpoint.token()}"}
@@ -230,8 +230,8 @@ def test_the_list_tells_entries_that_lead_nowhere(project: Path, capsys: pytest.
         assert listed()["cursor"]["current"] is False
         assert listed()["vscode"]["current"] is None
         assert main([f"-chdir={project}", "clients", "list"]) == 0
-        said = capsys.readouterr().out
-        assert "installed (http), out of date: octoform clients install cursor renews it" in said
+        found = capsys.readouterr().out
+        assert "installed (http), out of date: octoform clients install cursor renews it" in found
         assert main([f"-chdir={project}", "clients", "install", "cursor"]) == 0
         capsys.readouterr()
         assert (listed()["cursor"]["transport"], listed()["cursor"]["current"]) == ("stdio", True)

@@ -42,8 +42,8 @@ def watched(host: Layout) -> Iterator[Layout]:
 
 def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
     status = dispatch(words)
-    said = capsys.readouterr()
-    return status, said.out, said.err
+    found = capsys.readouterr()
+    return status, found.out, found.err
 
 
 def test_health_before_the_first_apply(host: Layout, capsys: pytest.CaptureFixture[str]) -> None:

@@ -48,9 +48,9 @@ def test_what_is_no_duration_is_a_usage_error(text: str) -> None:
 )
 def test_usage_errors_leave_with_1_and_say_one_thing(argv: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert main(argv) == 1
-    said = capsys.readouterr()
-    assert said.err.startswith("octoform: ")
-    assert said.out == ""
+    found = capsys.readouterr()
+    assert found.err.startswith("octoform: ")
+    assert found.out == ""
 
 
 def test_no_command_shows_the_help_and_leaves_with_1(capsys: pytest.CaptureFixture[str]) -> None:

@@ -195,8 +195,8 @@ def test_an_emergency_stop_that_nothing_latched_does_not_say_so(stopped: Layout)
     assert "so nothing is engaged" in done.stderr and "in this process alone" not in done.stderr
     assert "stopped" not in done.stdout and "engaged by" not in done.stdout
     done = octoform(stopped.project, "estop", "-json", prefix=read_only(stopped.project))
-    (told,) = json.loads(done.stdout)["endpoints"]
-    assert (told["latched"], told["lasting"], told["ok"], told["by"]) == (False, False, False, None)
+    (found,) = json.loads(done.stdout)["endpoints"]
+    assert (found["latched"], found["lasting"], found["ok"], found["by"]) == (False, False, False, None)
 
 
 @with_mounts
@@ -217,11 +217,11 @@ def test_an_emergency_stop_on_a_full_disk_keeps_its_reason(tmp_path: Path) -> No
     asked = json.dumps({"by": "anna", "reason": "hot"})
     command = [*small_disk(tmp_path / "disk", 64), sys.executable, "-c", script, str(tmp_path / "disk"), asked]
     done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
-    told = json.loads(done.stdout)
+    found = json.loads(done.stdout)
     assert done.stderr == "True\n"
-    assert (told["latched"], told["ok"]) == (True, False)
-    assert (told["estop"]["by"], told["estop"]["reason"]) == ("anna", "hot")
-    assert any("no room for who engaged it and why: No space left on device" in text for text in told["problems"])
+    assert (found["latched"], found["ok"]) == (True, False)
+    assert (found["estop"]["by"], found["estop"]["reason"]) == ("anna", "hot")
+    assert any("no room for who engaged it and why: No space left on device" in text for text in found["problems"])
 
 
 def test_a_link_to_itself_is_no_folder_to_work_in(tmp_path: Path) -> None:

@@ -132,8 +132,8 @@ CASES: dict[str, tuple[str, Callable[[Tools], Any], str]] = {
 @pytest.mark.parametrize("case", CASES)
 def test_what_differs_from_the_grammar_is_told(case: str) -> None:
     name, change, says = CASES[case]
-    told = judged(name, change)
-    assert any(says in item for item in told), told
+    found = judged(name, change)
+    assert any(says in item for item in found), found
 
 
 # An artifact from before a profile was changed, or from before IDENTIFY was held to it: what it says of a capability.
@@ -154,8 +154,8 @@ def test_where_identify_contradicts_the_grammar_the_grammar_holds(case: str) -> 
         capabilities[capability].update(says)
 
     assert judged(name, before=before) == []
-    told = judged(name, lambda tools: tools[capability].update(says), before)
-    assert any("unlike the command" in item for item in told) and not any("capability says" in item for item in told)
+    found = judged(name, lambda tools: tools[capability].update(says), before)
+    assert any("unlike the command" in item for item in found) and not any("capability says" in item for item in found)
 
 
 def test_of_the_commands_of_a_grammar_one_rule_tells_who_stops() -> None:
@@ -180,8 +180,8 @@ def test_a_tool_that_stops_takes_nothing_but_its_device() -> None:
         properties = tools["arm_stop"]["input_schema"]["properties"]
         properties |= {"device": {"type": "string"}, "position": {"type": "integer"}}
 
-    told = judged("so-arm101", more)
-    assert any("stops, and takes the parameter 'position'" in item for item in told), told
+    found = judged("so-arm101", more)
+    assert any("stops, and takes the parameter 'position'" in item for item in found), found
 
 
 def test_a_capability_stops_only_if_it_actuates() -> None:

@@ -336,8 +336,8 @@ def test_the_header_is_read() -> None:
 
 
 def _report() -> dict[str, object]:
-    told = ("name", "input_schema", "output_schema", "annotations")
-    tools = [{key: tool[key] for key in told if key in tool} for tool in good("interface")["tools"]]
+    lines = ("name", "input_schema", "output_schema", "annotations")
+    tools = [{key: tool[key] for key in lines if key in tool} for tool in good("interface")["tools"]]
     return {"tools": tools, "violations": [], "error": None}
 
 

@@ -38,10 +38,10 @@ def test_what_the_embedded_agent_writes_is_accepted(where: str) -> None:
 def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(case: str) -> None:
     where, change, code, cure = WRONG[case]
     found = errors(where, change)
-    told = [
+    lines = [
         json.dumps([item.summary, item.hint, item.detail], ensure_ascii=False) for item in found if item.code == code
     ]
-    assert any(cure in text for text in told), [(item.code, item.summary, item.hint) for item in found]
+    assert any(cure in text for text in lines), [(item.code, item.summary, item.hint) for item in found]
 
 
 @for_each("case", RIGHT)

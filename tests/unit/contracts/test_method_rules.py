@@ -34,8 +34,8 @@ def test_a_device_without_strings_is_known_by_none_and_the_hint_says_by_what() -
     assert refused(HUB, "descriptor_strings", drivers=("usb", "hub")) == ["write descriptor_driver"]
     assert refused(HUB, "descriptor_strings") == ["write kernel_class"]
     assert refused(HOST_BRIDGE, "descriptor_strings", "pci", ()) == ["write kernel_class"]
-    (said,) = refused(VENDOR_SPECIFIC, "descriptor_strings")
-    assert "id_database" in said
+    (found,) = refused(VENDOR_SPECIFIC, "descriptor_strings")
+    assert "id_database" in found
 
 
 @pytest.mark.parametrize(

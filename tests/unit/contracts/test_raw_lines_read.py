@@ -251,8 +251,8 @@ def test_who_leaves_a_tool_out_is_told_of_that_reason_only_where_it_counts(case:
     given = known(artifacts, answers=more.get("answers", {}), profiles=more.get("profiles", {}))
     value = interface({})
     value["tools"].pop()
-    told = [item for item in problems("interface", value, replace(given, probe=seen)) if "TOOL" in item.code]
-    assert [("unsafe" in str(item.hint)) for item in told] == [says is None]
+    lines = [item for item in problems("interface", value, replace(given, probe=seen)) if "TOOL" in item.code]
+    assert [("unsafe" in str(item.hint)) for item in lines] == [says is None]
 
 
 _HEAD = '''# /// script

@@ -77,9 +77,9 @@ def test_two_different_servers_satisfy_one_interface() -> None:
         assert check("serve", text, artifacts(serve=None), SCHEMAS) == []
     # Imported, each declares what INTERFACE promised, whatever the order.
     members = ("name", "input_schema", "output_schema", "annotations")
-    told = [{key: tool[key] for key in members if key in tool} for tool in good("interface")["tools"]]
-    assert serve_dynamic({"tools": told}, good("interface")) == []
-    assert serve_dynamic({"tools": told[::-1]}, good("interface")) == []
+    lines = [{key: tool[key] for key in members if key in tool} for tool in good("interface")["tools"]]
+    assert serve_dynamic({"tools": lines}, good("interface")) == []
+    assert serve_dynamic({"tools": lines[::-1]}, good("interface")) == []
 
 
 def test_a_server_of_other_tools_does_not() -> None:

@@ -81,11 +81,11 @@ def test_a_program_gets_the_alert_and_next_to_nothing_of_the_environment(tmp_pat
     ],
 )
 def test_why_a_program_failed_is_bounded_and_redacted(argv: tuple[str, ...], why: str, tmp_path: Path) -> None:
-    said = Command(argv, tmp_path, os.environ)(ALERT)
-    assert said is not None
-    assert said.startswith(why)
-    assert "EXAMPLE" not in said
-    assert len(said) < 300
+    found = Command(argv, tmp_path, os.environ)(ALERT)
+    assert found is not None
+    assert found.startswith(why)
+    assert "EXAMPLE" not in found
+    assert len(found) < 300
 
 
 def test_a_program_that_hangs_is_ended_with_all_that_it_started(
@@ -154,8 +154,8 @@ def test_a_webhook_is_posted_to_and_its_url_is_only_a_reference() -> None:
 )
 def test_a_webhook_that_refuses_or_sends_elsewhere_has_failed(code: int, why: str) -> None:
     with website(answered(code, Location=f"http://127.0.0.1:1/{SECRET}")) as (url, got):
-        said = webhook.post(f"{url}/{SECRET}", {}, 5.0)
-    assert said == why
+        found = webhook.post(f"{url}/{SECRET}", {}, 5.0)
+    assert found == why
     assert len(got) == 1
 
 
@@ -164,9 +164,9 @@ def test_a_webhook_that_refuses_or_sends_elsewhere_has_failed(code: int, why: st
     [f"http://127.0.0.1:1/{SECRET}", f"http://[{SECRET}", f"file:///{SECRET}", f"{SECRET}", f"http://a b/{SECRET}\n"],
 )
 def test_what_is_said_of_a_webhook_never_holds_its_url(url: str) -> None:
-    said = webhook.post(url, {}, 5.0)
-    assert said is not None
-    assert SECRET not in said
+    found = webhook.post(url, {}, 5.0)
+    assert found is not None
+    assert SECRET not in found
 
 
 def test_a_webhook_without_its_variable_says_so() -> None:

@@ -32,10 +32,10 @@ def test_heal_tells_what_health_tells(tmp_path: Path) -> None:
         Breaker("k1", "hardware", "b", frozen="2 tries did not help"),
         Breaker("k2", "disk", "b", frozen="3 tries"),
     )
-    told = {"hardware": advice(Kind.HARDWARE_CHANGED, "hardware")}
-    known = requests.GivenUp(frozen, ("hardware", "disk"), told)
+    fields = {"hardware": advice(Kind.HARDWARE_CHANGED, "hardware")}
+    known = requests.GivenUp(frozen, ("hardware", "disk"), fields)
     control.asked(screen, Record(myself(), "2026-11-22T03:00:00Z", 1.0, "1.0"), known, (), as_json=False)
     text = out.getvalue()
-    assert f"do     {told['hardware']}" in text
+    assert f"do     {fields['hardware']}" in text
     assert "do     octoform heal -retry disk" in text
     assert "-retry hardware" not in text

@@ -82,8 +82,8 @@ def lay_out(folder: Path, source: str) -> Path:
 
 def service_of(tools: Sequence[dict[str, Any]]) -> Service:
     """These tools on a pipe, everything allowed."""
-    told = [{"devices": [], **tool} for tool in tools]
-    return Service(told, policy_of(told))
+    lines = [{"devices": [], **tool} for tool in tools]
+    return Service(lines, policy_of(lines))
 
 
 def publish(layout: Layout, environment: Environment, source: str = GOOD, *tools: dict[str, Any]) -> dict[str, Any]:

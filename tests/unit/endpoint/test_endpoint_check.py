@@ -110,8 +110,8 @@ def test_what_is_missing_is_told_apart_and_is_an_error_where_probe_saw_the_devic
 def test_a_program_of_a_recorded_host_of_which_nothing_is_known_is_not_said_to_be_missing(zoo: Seen) -> None:
     found = judge_check(zoo[0], {"tools": list(TOOLS)}, frozenset({"one"}), lambda _: False)
     assert "ENDPOINT-PROGRAM-MISSING" not in [item.code for item in found]
-    [told] = [item for item in found if "lampctl" in item.summary]
-    assert said([told]) == [("warning", "ENDPOINT-TOOL-FAILED")]
+    [result] = [item for item in found if "lampctl" in item.summary]
+    assert said([result]) == [("warning", "ENDPOINT-TOOL-FAILED")]
 
 
 def test_a_number_that_cannot_be_measured_is_an_error(zoo: Seen) -> None:

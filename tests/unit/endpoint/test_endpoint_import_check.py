@@ -56,8 +56,8 @@ def test_what_a_server_may_not_touch_at_import_is_stopped_and_placed(serving: En
     problems = judge_import(report)
     assert [item.code for item in problems] == [code for _, code, _ in TOUCHES]
     assert [item.span.line for item in problems if item.span] == lines
-    for problem, (_, _, said) in zip(problems, TOUCHES, strict=True):
-        assert said in str(problem.detail)
+    for problem, (_, _, message) in zip(problems, TOUCHES, strict=True):
+        assert message in str(problem.detail)
 
 
 def test_the_refusal_itself_is_no_second_fault(serving: Environment, tmp_path: Path) -> None:

@@ -140,8 +140,8 @@ def test_an_interrupted_request_is_cancelled() -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
-    told = {"method": "notifications/progress", "params": {"progressToken": 1, "progress": 1}}
-    with answered(lines(told), ends=False) as (client, heard):
+    fields = {"method": "notifications/progress", "params": {"progressToken": 1, "progress": 1}}
+    with answered(lines(fields), ends=False) as (client, heard):
         with pytest.raises(KeyboardInterrupt):
             client.ask("x", {}, 5, progress=interrupt)
         assert heard()[1]["params"] == {"requestId": 1, "reason": "it was interrupted"}

@@ -94,17 +94,17 @@ async def connected(endpoint: Launched, era: str, **options: Any) -> AsyncIterat
 @in_a_loop
 async def test_the_next_call_works_without_connecting_again(endpoint: Launched) -> None:
     """For clients of both eras, whose endpoint is killed; those of the handshake are told that tools may be others."""
-    told = asyncio.Event()
+    found = asyncio.Event()
 
     async def heard(message: Any) -> None:
         if isinstance(message, ToolListChangedNotification):
-            told.set()
+            found.set()
 
     async with connected(endpoint, ERAS[0], message_handler=heard) as old, connected(endpoint, ERAS[1]) as new:
         before = kill(endpoint)
         await asyncio.to_thread(endpoint.start)
         assert endpoint.process.pid != before
-        await asyncio.wait_for(told.wait(), 20)
+        await asyncio.wait_for(found.wait(), 20)
         for client in (old, new):
             assert (await client.call_tool("add", {"a": 2, "b": 40})).structured_content == {"sum": 42}
             assert {each.name for each in await client.list_tools()} == {"add", "move"}
@@ -138,6 +138,6 @@ async def test_what_a_person_stopped_is_not_started_by_a_pipe(endpoint: Launched
     assert json.loads(await process.stdout.readline())["result"]["tools"]
     assert record.mark(endpoint.layout) is None
     await asyncio.to_thread(endpoint.stop)
-    _, said = await asyncio.wait_for(process.communicate(), 20)
-    assert (process.returncode, said) == (1, b"octoform: the endpoint of bench was stopped\n")
+    _, found = await asyncio.wait_for(process.communicate(), 20)
+    assert (process.returncode, found) == (1, b"octoform: the endpoint of bench was stopped\n")
     record.unmark(endpoint.layout)

@@ -52,9 +52,9 @@ def test_what_was_answered_is_over_and_what_was_not_gets_an_error() -> None:
     conversation.heard(answer("1", text="x" * 10_000)[:HEAD])
     conversation.heard(line({"method": "notifications/progress", "params": {"progressToken": 1}}))
     conversation.heard(line({"id": 2, "error": {"code": 1, "message": "no"}}))
-    told = parsed(conversation.lost())
-    assert [each["id"] for each in told] == [1, 'a"b']
-    assert all("is unknown" in each["error"]["message"] for each in told)
+    found = parsed(conversation.lost())
+    assert [each["id"] for each in found] == [1, 'a"b']
+    assert all("is unknown" in each["error"]["message"] for each in found)
     assert conversation.lost() == []
     assert conversation.found() == []
 
@@ -78,8 +78,8 @@ def test_an_introduction_is_repeated_and_its_answer_kept_back() -> None:
     assert (again["method"], again["params"]) == ("initialize", INITIALIZE["params"])
     assert again["id"] != 0
     assert conversation.shaking
-    told, back = conversation.from_endpoint(answer(again["id"], protocolVersion="2025-11-25"))
-    assert json.loads(told)["method"] == "notifications/tools/list_changed"
+    found, back = conversation.from_endpoint(answer(again["id"], protocolVersion="2025-11-25"))
+    assert json.loads(found)["method"] == "notifications/tools/list_changed"
     assert parsed(back)[0]["method"] == "notifications/initialized"
     assert back[1:] == [call(1, "tools/list")]
     assert not conversation.careful
@@ -111,8 +111,8 @@ def test_an_answer_to_a_former_question_approves_nothing_now() -> None:
     [again] = parsed(conversation.found())
     conversation.from_endpoint(answer(again["id"], protocolVersion="2025-11-25"))
     question = line({"id": 1, "method": "elicitation/create", "params": {}})
-    told, back = conversation.from_endpoint(question)
-    assert told == b""
+    found, back = conversation.from_endpoint(question)
+    assert found == b""
     assert parsed(back)[0]["error"]
     assert conversation.from_client(answer(1, action="accept")) == b""
     assert conversation.from_endpoint(question) == (question, [])
@@ -138,8 +138,8 @@ def test_exactly_what_has_no_answer_gets_an_error(calls: list[tuple[object, bool
         conversation.sent(call(number))
         if answered:
             conversation.heard(answer(number, text="x" * 600)[:HEAD])
-    told = parsed(conversation.lost())
-    assert [each["id"] for each in told] == [number for number, answered in calls if not answered]
+    found = parsed(conversation.lost())
+    assert [each["id"] for each in found] == [number for number, answered in calls if not answered]
 
 
 class Client:
@@ -248,7 +248,7 @@ def test_a_message_that_an_endpoint_did_not_end_is_ended_before_the_next() -> No
 
 
 def test_nothing_is_said_to_an_endpoint_before_it_took_the_introduction() -> None:
-    said: list[dict[str, Any]] = []
+    items: list[dict[str, Any]] = []
     begun = threading.Event()
 
     def first(its: socket.socket) -> None:
@@ -259,11 +259,11 @@ def test_nothing_is_said_to_an_endpoint_before_it_took_the_introduction() -> Non
 
     def second(its: socket.socket) -> None:
         with lines(its) as file:
-            said.append(json.loads(file.readline()))
+            items.append(json.loads(file.readline()))
             begun.set()
             assert not select.select([its], [], [], 0.2)[0], "something came before its answer"
-            its.sendall(GREETING + answer(said[0]["id"], protocolVersion="1"))
-            said.extend(json.loads(file.readline()) for _ in range(2))
+            its.sendall(GREETING + answer(items[0]["id"], protocolVersion="1"))
+            items.extend(json.loads(file.readline()) for _ in range(2))
             its.sendall(answer(5))
             file.read()
 
@@ -274,7 +274,7 @@ def test_nothing_is_said_to_an_endpoint_before_it_took_the_introduction() -> Non
         client.say(call(5))
         assert json.loads(client.read())["method"] == "notifications/tools/list_changed"
         assert client.read() == answer(5)
-    assert [each["method"] for each in said] == ["initialize", "notifications/initialized", "tools/call"]
+    assert [each["method"] for each in items] == ["initialize", "notifications/initialized", "tools/call"]
 
 
 def test_where_there_will_be_none_the_pipe_ends() -> None:

@@ -260,10 +260,10 @@ def test_an_endpoint_that_dies_under_a_call_is_told_and_started_by_the_next(benc
 def test_whoever_waits_for_a_start_is_told_after_a_second(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.stop()
     monkeypatch.setattr("octoform.endpoint.dial.PATIENCE_SECONDS", 0.001)
-    told = threading.Event()
-    tools, problems = list_tools(bench.layout, told.set)
+    found = threading.Event()
+    tools, problems = list_tools(bench.layout, found.set)
     assert problems == () and len(tools) == len(NAMES)
-    assert told.is_set()
+    assert found.is_set()
 
 
 def test_a_list_without_a_start_starts_nothing(bench: Launched) -> None:

@@ -118,9 +118,9 @@ def test_each_change_is_on_the_audit_log_without_the_value(project: Path, capsys
     second, _ = tokens.value_of(layout, "laptop")
     assert octoform(project, "token", "revoke", "laptop") == 0
     assert octoform(project, "token", "revoke", "laptop") == 1
-    told = [(each["event"], each["token"], each["effects"]) for each in records(layout)]
+    lines = [(each["event"], each["token"], each["effects"]) for each in records(layout)]
     effects = ["read", "actuate"]
-    assert told == [(f"token_{what}", "laptop", effects) for what in ("created", "rotated", "revoked")]
+    assert lines == [(f"token_{what}", "laptop", effects) for what in ("created", "rotated", "revoked")]
     assert {each["by"] for each in records(layout)} == {person()}
     text = (layout.logs / "audit.jsonl").read_text()
     assert first and second and first not in text and second not in text

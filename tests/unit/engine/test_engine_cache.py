@@ -311,14 +311,14 @@ def test_the_memo_says_the_warnings_that_the_long_way_says(
     capsys.readouterr()
     aside = bench.memo.with_suffix(".aside")
     for command, where in ((["plan"], 1), (["plan", "-json"], 0)):
-        said = []
+        lines = []
         for place in (bench.memo, aside):
             bench.memo.rename(place)
             bench.run(*command)
-            said.append([re.sub('"@timestamp": "[^"]*"', "", text) for text in capsys.readouterr()])
+            lines.append([re.sub('"@timestamp": "[^"]*"', "", text) for text in capsys.readouterr()])
         aside.rename(bench.memo)
-        assert said[0] == said[1]
-        assert "PROFILE-UNMATCHED" in said[0][where] and "PLAN-ANSWER-WITHOUT-DEVICE" in said[0][where]
+        assert lines[0] == lines[1]
+        assert "PROFILE-UNMATCHED" in lines[0][where] and "PLAN-ANSWER-WITHOUT-DEVICE" in lines[0][where]
     bench.run("status", "-json")
     (warning,) = json.loads(capsys.readouterr().out)["warnings"]
     assert "rail" in warning["summary"]

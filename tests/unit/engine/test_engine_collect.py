@@ -168,9 +168,9 @@ def test_three_runs_of_which_one_differs(host: Host, laptop: Artifacts) -> None:
     stability = host.report().stability
     assert stability is not None
     assert (stability.runs, stability.compared, stability.same) == (3, 25, 24)
-    (told,) = stability.disagreements
-    assert told.device == "usb-1d9c-0c14"
-    assert told.said == (("Kestrel HD Camera", 2), ("a lamp", 1))
+    (found,) = stability.disagreements
+    assert found.device == "usb-1d9c-0c14"
+    assert found.said == (("Kestrel HD Camera", 2), ("a lamp", 1))
 
 
 def test_runs_that_were_given_something_else_are_not_compared(host: Host, laptop: Artifacts) -> None:

@@ -59,7 +59,7 @@ def test_the_tier_is_of_what_was_said_when_identify_was_accepted(pump: Profile) 
 def test_a_plan_says_for_whom_a_profile_would_hold(pump: Profile) -> None:
     answers = {BOARD: "the Heron pump on the left"}
     accepted = {"profile.pump": pump.digest}
-    said = {**accepted, f"answer.{BOARD}": "the Heron pump"}
+    fields = {**accepted, f"answer.{BOARD}": "the Heron pump"}
 
     def uses(parts: dict[str, str], now: dict[str, str]) -> list[Action]:
         found = device_knowledge.profile_uses(ARTIFACTS, (pump,), now, {"identify": Prior("accepted", parts, "d", "f")})
@@ -68,8 +68,8 @@ def test_a_plan_says_for_whom_a_profile_would_hold(pump: Profile) -> None:
 
     assert uses(accepted, {}) == []
     assert uses(accepted, answers) == [Action.CREATE]
-    assert uses(said, answers) == [Action.NOOP]
-    assert uses(said, {}) == [Action.DESTROY]
+    assert uses(fields, answers) == [Action.NOOP]
+    assert uses(fields, {}) == [Action.DESTROY]
     assert uses({f"answer.{BOARD}": "the Heron pump"}, answers) == [Action.CREATE], "the profile itself is new"
     assert device_knowledge.profile_uses(ARTIFACTS, (pump,), answers, {}) == (ProfileUse("pump", BOARD, Action.CREATE),)
 
@@ -98,8 +98,8 @@ def offers(folder: Path, manifest: str = "", **device: Any) -> list[tuple[str, s
     (folder / "octopus.yaml").write_text(f"version: 1\nhost: bench\n{manifest}")
     compiled, found = compile_project(folder, {})
     assert compiled is not None, found
-    told = device_knowledge.offers({"probe": {"devices": [{**ARM, **device}]}}, compiled)
-    return [(item.code, item.hint) for item in told]
+    result = device_knowledge.offers({"probe": {"devices": [{**ARM, **device}]}}, compiled)
+    return [(item.code, item.hint) for item in result]
 
 
 def test_a_shipped_profile_that_matches_is_offered_with_its_line(tmp_path: Path) -> None:
@@ -129,13 +129,13 @@ def uncovered(folder: Path, tools: list[str], left_out: list[dict[str, str]], ma
 def test_commands_of_a_chosen_profile_without_a_tool_are_told_with_the_reason(tmp_path: Path) -> None:
     chosen = "profiles: [so-arm101]\n"
     left = [{"id": BOARD, "reason": "tool_budget", "detail": "the camera is\x1b missed more"}]
-    (told,) = uncovered(tmp_path, ["arm_status", "arm_stop"], left, chosen)
-    assert told.code == "PROFILE-COMMANDS-MISSING"
-    assert "arm_move_joint" in told.summary and "arm_status" not in told.summary
-    assert told.detail == f"{BOARD}: tool_budget - the camera is\\x1b missed more"
+    (found,) = uncovered(tmp_path, ["arm_status", "arm_stop"], left, chosen)
+    assert found.code == "PROFILE-COMMANDS-MISSING"
+    assert "arm_move_joint" in found.summary and "arm_status" not in found.summary
+    assert found.detail == f"{BOARD}: tool_budget - the camera is\\x1b missed more"
     (bare,) = uncovered(tmp_path, ["arm_stop"], [], chosen)
     assert bare.detail == "INTERFACE gives no reason"
-    every = [*told.summary.partition(": ")[2].split(", "), "arm_status", "arm_stop"]
+    every = [*found.summary.partition(": ")[2].split(", "), "arm_status", "arm_stop"]
     assert uncovered(tmp_path, every, [], chosen) == []
     assert uncovered(tmp_path, [], [], "") == []
 
@@ -153,15 +153,15 @@ def test_a_chosen_profile_that_matches_nothing_is_told_with_its_rule_and_the_nea
     lamp = {"id": LAMP, "name": "Heron\x1b lamp", "interface": "usb", "classes": ["tty"]}
     assert unmatched(tmp_path, chosen, [ARM]) == []
     assert unmatched(tmp_path, chosen, [lamp, ARM]) == []
-    (told,) = unmatched(tmp_path, chosen, [lamp, silent])
-    assert (told.code, told.severity) == ("PROFILE-UNMATCHED", Severity.WARNING)
-    assert told.summary == "the profile so-arm101 matches no device of this host and has no effect"
-    rule, nearest = told.detail.splitlines()
+    (found,) = unmatched(tmp_path, chosen, [lamp, silent])
+    assert (found.code, found.severity) == ("PROFILE-UNMATCHED", Severity.WARNING)
+    assert found.summary == "the profile so-arm101 matches no device of this host and has no effect"
+    rule, nearest = found.detail.splitlines()
     assert rule.startswith("its match rule asks for the number 1a86:7523 or 1a86:55d3 and text with ")
     assert nearest.startswith(
         f"nearest is {BOARD} (USB Single Serial), which has the number 1a86:7523 or 1a86:55d3, and"
     )
-    assert f'octoform answer {BOARD} "... ' in told.hint and "octoform profile check so-arm101" in told.hint
+    assert f'octoform answer {BOARD} "... ' in found.hint and "octoform profile check so-arm101" in found.hint
     assert unmatched(tmp_path, f"{chosen}answers: {{{BOARD}: the SO-ARM101}}\n", [silent]) == []
     (neighbour,) = unmatched(tmp_path, chosen, [{**ARM, "context": True}])
     assert "no device of this host meets any part of it" in neighbour.detail
@@ -176,9 +176,9 @@ def test_a_rule_of_every_kind_is_described_and_a_device_that_has_a_word_of_it_is
     lines = ("---", "name: pump", "about: a pump", f"evidence: {rule}", "---", "It pumps.")
     inline = "profiles:\n  - |\n" + "".join(f"    {line}\n" for line in lines)
     devices = [{**ARM, "classes": ["tty"]}, {"id": LAMP, "name": "Heron\x1b lamp", "interface": "usb"}]
-    (told,) = unmatched(tmp_path, inline, devices)
+    (found,) = unmatched(tmp_path, inline, devices)
     asked = "(text with Heron or Egret or not (the driver ftdi)) and the class tty and the interface pci"
-    assert told.detail.splitlines() == [
+    assert found.detail.splitlines() == [
         f"its match rule asks for {asked}",
         f"nearest is {LAMP} (Heron\\x1b lamp), which has text with Heron or Egret, and lacks "
         "the class tty; the interface pci",

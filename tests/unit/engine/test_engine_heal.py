@@ -28,10 +28,10 @@ def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked(action))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", {**heal.ACTIONS, action: lambda layout, environ, left: done})
-    told = heal.heal(Path("/nowhere"), {}, {})
-    assert (told["ok"], told["again"], told["detail"]) == (False, False, "it went wrong (why)")
-    assert told["spent"] == {"calls": 3, "input_tokens": 4, "output_tokens": 5, "usd": 0.75}
-    assert told["report"]["action"] == told["action"] == action
+    found = heal.heal(Path("/nowhere"), {}, {})
+    assert (found["ok"], found["again"], found["detail"]) == (False, False, "it went wrong (why)")
+    assert found["spent"] == {"calls": 3, "input_tokens": 4, "output_tokens": 5, "usd": 0.75}
+    assert found["report"]["action"] == found["action"] == action
 
 
 def test_every_action_of_the_contract_but_a_rewrite_and_none_has_its_way() -> None:
@@ -64,8 +64,8 @@ def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeyp
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked("restart"))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (layout, []))
     monkeypatch.setattr(heal, "ACTIONS", dict.fromkeys(heal.ACTIONS, never))
-    told = heal.heal(tmp_path, {}, {})
-    assert (told["ok"], told["again"], told["spent"]["calls"]) == (False, True, 1)
+    found = heal.heal(tmp_path, {}, {})
+    assert (found["ok"], found["again"], found["spent"]["calls"]) == (False, True, 1)
 
 
 def outlook(*work: str, host: str = "bench", steps: tuple[Any, ...] = ()) -> Outlook:
@@ -88,8 +88,8 @@ def test_a_redeploy_consents_to_nothing_but_the_packages(monkeypatch: pytest.Mon
     assert consent(outlook("deploy", "endpoint")) == (True, "")
     assert consent(outlook("deploy", "endpoint", "step.perceive", "step.rail", steps=(picture, idle)))[0]
     for plan in (outlook("probe", "deploy"), outlook("deploy", "step.arm", steps=(arm,)), outlook("deploy", host="x")):
-        said, why = consent(plan)
-        assert not said and why
+        found, why = consent(plan)
+        assert not found and why
     monkeypatch.setattr(rediscover, "remember", lambda layout, snapshot: None)
     assert consent(outlook("deploy")) == (False, "the host is not as it was applied")
 
@@ -105,7 +105,7 @@ def test_what_a_killed_repair_has_left_is_settled_and_nothing_is_done_otherwise(
     elif left is not None:
         (layout.local / left).write_text("{}")
     monkeypatch.setattr(heal, "on_duty", lambda *_: asked(None))
-    told = heal.settle(layout, {})
-    assert told == (asked(None).told() if left else None)
+    found = heal.settle(layout, {})
+    assert found == (asked(None).told() if left else None)
     assert record.mark(layout) is None
     assert heal.settle(layout, {}) is None, "it would start what a person has stopped"

@@ -34,9 +34,9 @@ def found(**ground: Any) -> Coverage:
 
 
 def test_each_device_stands_once_with_what_became_of_it() -> None:
-    told = {item.id: item.standing.value for item in found().devices}
-    assert list(told) == list(NAMES)
-    assert told == {
+    fields = {item.id: item.standing.value for item in found().devices}
+    assert list(fields) == list(NAMES)
+    assert fields == {
         "camera": "usable",
         "relay": "named",
         "disk": "usable",

@@ -48,8 +48,8 @@ def test_a_capability_that_one_run_lacks_is_no_part_of_the_core() -> None:
 def test_another_effect_of_a_capability_is_a_disagreement() -> None:
     graver = camera()
     graver["capabilities"][0]["effect"] = "actuate"
-    (told,) = agreed(run([camera()]), run([graver])).disagreements
-    assert (told.what, told.said) == ("capture_image", (("read", 1), ("actuate", 1)))
+    (found,) = agreed(run([camera()]), run([graver])).disagreements
+    assert (found.what, found.said) == ("capture_image", (("read", 1), ("actuate", 1)))
 
 
 def test_a_device_that_one_run_left_out_is_told_once() -> None:

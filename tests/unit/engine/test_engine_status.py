@@ -107,23 +107,23 @@ def test_a_tunnel_that_does_not_run_is_a_reason_and_the_end_of_an_apply_tells_it
             endpoint.layout.output("interface").parent.mkdir(parents=True, exist_ok=True)
             assert end.endpoint is not None
             known = replace(end, endpoint=replace(end.endpoint, url=endpoint.url))
-            told = apply.outside(endpoint.layout, known)
+            result = apply.outside(endpoint.layout, known)
             found = status(endpoint, TOOLS)
             if command[0] == sys.executable:
                 address = endpoint.ask("status")["tunnel"]["url"]
-                assert told.endpoint is not None and told.endpoint.public == f"{address}/mcp"
-                assert told.diagnostics == ()
+                assert result.endpoint is not None and result.endpoint.public == f"{address}/mcp"
+                assert result.diagnostics == ()
                 assert not any("tunnel" in reason for reason in found.reasons)
-                assert shown(told).count(f"{address}/mcp from the internet") == 1
+                assert shown(result).count(f"{address}/mcp from the internet") == 1
                 endpoint.ask("revoke_tunnel")
                 assert "revoked" in " ".join(status(endpoint, TOOLS).reasons)
                 (problem,) = apply.outside(endpoint.layout, known).diagnostics
                 assert problem.summary.startswith("the tunnel is revoked")
                 (endpoint.layout.run / "tunnel-revoked.json").unlink()
             else:
-                (problem,) = told.diagnostics
+                (problem,) = result.diagnostics
                 assert (problem.severity, problem.code) == ("warning", "TUNNEL-NOT-RUNNING")
-                assert told.endpoint is not None and told.endpoint.public is None
+                assert result.endpoint is not None and result.endpoint.public is None
                 assert any(reason.startswith("the tunnel does not run") for reason in found.reasons)
 
 

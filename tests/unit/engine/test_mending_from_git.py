@@ -15,8 +15,8 @@ SERVER = b"import os\n\n\ndef tool():\n    return os.name\n\n\n"
 
 
 def git(folder: Path, *words: str) -> str:
-    said = ["-c", "user.name=Ada", "-c", "user.email=ada@example.org"]
-    return subprocess.run(["git", *said, *words], cwd=folder, capture_output=True, text=True, check=True).stdout
+    lines = ["-c", "user.name=Ada", "-c", "user.email=ada@example.org"]
+    return subprocess.run(["git", *lines, *words], cwd=folder, capture_output=True, text=True, check=True).stdout
 
 
 @pytest.fixture

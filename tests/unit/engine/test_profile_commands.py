@@ -70,10 +70,10 @@ def test_product_and_rig_are_shown_apart(bench: Project) -> None:
     product, _, own = bench.run("profile", "check", "arm.md", status=0).out.partition("  This rig alone\n")
     assert "at most 4095" in product and "3000" not in product and "Joint 1" not in product
     assert own.startswith("    Joint 1 is broken.\n    position at most 3000\n")
-    told = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
-    assert told["limits"][0]["maximum"] == 4095 and 3000 not in [limit["maximum"] for limit in told["limits"]]
+    found = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
+    assert found["limits"][0]["maximum"] == 4095 and 3000 not in [limit["maximum"] for limit in found["limits"]]
     rig_alone = {"facts": ["Joint 1 is broken."], "limits": [{"parameter": "position", "maximum": 3000}]}
-    assert told["rig"] == {**rig_alone, "disabled": {}, "units": {}}
+    assert found["rig"] == {**rig_alone, "disabled": {}, "units": {}}
 
 
 def test_the_bus_is_shown_as_it_is_on_the_rig(bench: Project) -> None:
@@ -86,9 +86,9 @@ def test_the_bus_is_shown_as_it_is_on_the_rig(bench: Project) -> None:
     assert "elbow_flex 3, wrist_flex 5, wrist_roll 4, gripper 6" in shown
     assert "refused from 69 Cel on until it is below 60 Cel" in shown
     assert "shoulder_pan is disabled: its motor is broken." in shown.partition("This rig alone")[2]
-    told = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
-    assert told["grammar"]["registers"]["disabled"] == {"shoulder_pan": "its motor is broken"}
-    assert told["rig"]["units"] == {"wrist_flex": 5, "wrist_roll": 4}
+    found = json.loads(bench.run("profile", "check", "arm.md", "-json", status=0).out)["profile"]
+    assert found["grammar"]["registers"]["disabled"] == {"shoulder_pan": "its motor is broken"}
+    assert found["rig"]["units"] == {"wrist_flex": 5, "wrist_roll": 4}
 
 
 def test_a_draft_is_refused_until_a_person_has_completed_it(bench: Project) -> None:

@@ -139,14 +139,14 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
     bad = copy.deepcopy(PROBE)
     bad["devices"][0]["id"] = f"usb-1234-{SERIAL.lower()}"
     where = folders.layout.attempts / "000001-probe-1"
-    said = [
+    lines = [
         f"serial {SERIAL} and {SERIAL.lower()} at {ADDRESS}",
         f"cd {where} && ls {folders.project}/state/bench {folders.layout.local}/log /home/alice/x",
         f"root@{HOST}: up",
         "x" * 195 + SERIAL[:5],
     ]
     edit: dict[str, Any] = {"spec_edit": SpecEdit(digest="x", permitted=True, added=1, removed=0)}
-    folders.add("probe", 1, output=text_of(bad), events=[*map(Said, said)], detail=f"in {where}", **REFUSED)
+    folders.add("probe", 1, output=text_of(bad), events=[*map(Said, lines)], detail=f"in {where}", **REFUSED)
     folders.add(
         "probe", 2, output=text_of(PROBE), spec=f"# {SERIAL} in {folders.project}\n", events=[], accepted=True, **edit
     )
@@ -168,11 +168,11 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
 
 
 def test_a_short_name_of_the_host_is_hidden_in_what_was_said(folders: Folders, target: Path) -> None:
-    said: list[AgentEvent] = [
+    lines: list[AgentEvent] = [
         ToolCalled("bash", "echo PI4 && ssh root@pi4 uptime"),
         Said("apis and pi42 are other words, pi4-x too"),
     ]
-    folders.add("probe", 1, output=text_of({**PROBE, "hostname": "pi4"}), events=said, accepted=True)
+    folders.add("probe", 1, output=text_of({**PROBE, "hostname": "pi4"}), events=lines, accepted=True)
     made(folders, target)
     found = [transcript.text_of(item.event) for item in transcript.read(target / "probe-1/transcript.jsonl")]
     shown = [re.sub(r"redacted-[0-9a-f]{10}", "{name}", text) for text in found]

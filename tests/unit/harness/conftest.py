@@ -16,11 +16,11 @@ def contained(tmp_path: Path) -> Callable[..., Ended]:
     """Runs a program in ``tmp_path`` with its log in ``task.log``; keywords are those of Limits and ``stdin``."""
 
     def start(argv: tuple[str, ...], **settings: Any) -> Ended:
-        said = settings.pop("progress", lambda text, seconds: None)
+        found = settings.pop("progress", lambda text, seconds: None)
 
         def progress(event: AgentEvent, seconds: float, _: Usage) -> None:
             assert isinstance(event, Said)
-            said(event.text, seconds)
+            found(event.text, seconds)
 
         watcher = Watcher(None, TaskLimits(30.0), progress)
         stdin = settings.pop("stdin", None)

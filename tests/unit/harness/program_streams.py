@@ -27,9 +27,9 @@ def recorded(dialect: Dialect, name: str) -> list[AgentEvent]:
     """The events of a recorded run, pieces of replies left out: first of standard error, then of standard output."""
     errors, output = STREAMS / f"{name}.stderr", STREAMS / f"{name}.jsonl"
     assert errors.exists() or output.exists(), name
-    told = lines(dialect, "stderr", *errors.read_bytes().splitlines()) if errors.exists() else []
-    told += lines(dialect, "stdout", *output.read_bytes().splitlines()) if output.exists() else []
-    return [event for event in told if not isinstance(event, Replying)]
+    items = lines(dialect, "stderr", *errors.read_bytes().splitlines()) if errors.exists() else []
+    items += lines(dialect, "stdout", *output.read_bytes().splitlines()) if output.exists() else []
+    return [event for event in items if not isinstance(event, Replying)]
 
 
 def of(events: list[AgentEvent], kind: type[Any]) -> list[Any]:

@@ -115,14 +115,14 @@ def test_a_refused_key_is_final_at_once_and_a_limit_of_the_rate_is_not() -> None
 
 
 def test_no_key_at_all() -> None:
-    told: dict[str, Any] = {
+    fields: dict[str, Any] = {
         "is_error": True,
         "subtype": "success",
         "api_error_status": None,
         "result": "Not logged in · Please run /login",
     }
-    events = lines(ClaudeCodeDialect(), "stdout", {**told, "type": "result"})
-    assert events == [Trouble(ExitReason.AUTH, told["result"], final=True)]
+    events = lines(ClaudeCodeDialect(), "stdout", {**fields, "type": "result"})
+    assert events == [Trouble(ExitReason.AUTH, fields["result"], final=True)]
 
 
 def test_a_reply_in_one_piece_counts_once_however_many_parts_it_has() -> None:

@@ -100,10 +100,10 @@ def test_the_streams_have_no_order_so_what_is_tried_again_is_read_where_the_repl
 
 def test_only_requests_for_replies_are_trouble() -> None:
     request = '2026-11-21T17:24:20Z  INFO codex_otel.log_only: event.name="codex.api_request" duration_ms=17 '
-    told = [
+    items = [
         f'{request}error.message="no way" attempt=0 endpoint="{path}"'.encode() for path in ("/models", "/responses")
     ]
-    assert lines(CodexDialect(), "stderr", *told) == [Trouble(ExitReason.UNREACHABLE, "no way")]
+    assert lines(CodexDialect(), "stderr", *items) == [Trouble(ExitReason.UNREACHABLE, "no way")]
     limited = f'{request}http.response.status_code=429 error.message="http 429" attempt=0 endpoint="/responses"'
     assert lines(CodexDialect(), "stderr", limited.encode()) == [Trouble(ExitReason.RATE_LIMIT, "HTTP status 429")]
 

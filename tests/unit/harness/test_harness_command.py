@@ -206,8 +206,8 @@ def test_death_by_signal(shell: Agent) -> None:
 
 
 def test_usage_that_the_program_wrote(shell: Agent) -> None:
-    told = {"input_tokens": 120, "cached_tokens": 100, "output_tokens": 7, "cost_usd": 0.02}
-    assert shell(f"echo '{json.dumps(told)}' > usage.json").usage == Usage(120, 100, 7, 0.02)
+    fields = {"input_tokens": 120, "cached_tokens": 100, "output_tokens": 7, "cost_usd": 0.02}
+    assert shell(f"echo '{json.dumps(fields)}' > usage.json").usage == Usage(120, 100, 7, 0.02)
 
 
 @pytest.mark.parametrize(

@@ -126,8 +126,8 @@ def test_what_is_no_answer(said: bytes, told: str) -> None:
 
 
 def test_more_than_the_cap_allows_is_cut() -> None:
-    said = b'noise of a library\n{"text": "%s", "end": "stop", "usage": {"output": 9000}}\n' % (b"x" * 9000)
-    answer = completion("http://127.0.0.1:9", max_tokens=10)._answer(Ended("ended", 0), said, 3.0)
+    text = b'noise of a library\n{"text": "%s", "end": "stop", "usage": {"output": 9000}}\n' % (b"x" * 9000)
+    answer = completion("http://127.0.0.1:9", max_tokens=10)._answer(Ended("ended", 0), text, 3.0)
     assert answer == Condensed("x" * 10 * BYTES_PER_TOKEN, Usage(output_tokens=9000), cut=True)
     short = completion("http://127.0.0.1:9")._answer(Ended("ended", 0), b'{"text": "as far as", "end": "length"}', 3.0)
     assert short == Condensed("as far as", cut=True)

@@ -28,13 +28,13 @@ def test_steps_go_to_the_person_and_what_is_there_to_the_output(
     machine: Machine, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["install", "pi", "builtin"]) == 0
-    said = capsys.readouterr()
+    found = capsys.readouterr()
     home = machine.agents / "pi-0.87.1"
-    assert said.out.splitlines() == [
+    assert found.out.splitlines() == [
         f"pi 0.87.1: installed, {home}",
         "builtin: nothing to install, it comes with octoform",
     ]
-    assert said.err == "pi: installing @earendil-works/pi-coding-agent 0.87.1 with npm on node 22.20.0\n"
+    assert found.err == "pi: installing @earendil-works/pi-coding-agent 0.87.1 with npm on node 22.20.0\n"
     assert main(["install", "pi"]) == 0
     assert capsys.readouterr().out == f"pi 0.87.1: installed already, {home}\n"
 

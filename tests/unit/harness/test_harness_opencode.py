@@ -65,9 +65,9 @@ def test_what_it_tries_again_and_what_not(name: str, reasons: list[ExitReason], 
 
 
 def test_the_status_stands_above_the_words() -> None:
-    told = {"octoform": "retry", "text": "Please come back tomorrow.", "status": 429}
-    assert lines(OpenCodeDialect(), "stderr", told) == [Trouble(ExitReason.RATE_LIMIT, "Please come back tomorrow.")]
-    unknown = {**told, "status": None}
+    fields = {"octoform": "retry", "text": "Please come back tomorrow.", "status": 429}
+    assert lines(OpenCodeDialect(), "stderr", fields) == [Trouble(ExitReason.RATE_LIMIT, "Please come back tomorrow.")]
+    unknown = {**fields, "status": None}
     (trouble,) = lines(OpenCodeDialect(), "stderr", unknown)
     assert isinstance(trouble, Trouble) and trouble.reason is ExitReason.UNREACHABLE, "it would not try again"
 

@@ -73,8 +73,8 @@ def test_a_piece_of_a_reply_is_a_sign_of_life() -> None:
 
 
 def test_a_key_that_is_not_set() -> None:
-    told = b"No API key found for octoform."
-    assert lines(PiDialect(), "stderr", told) == [Trouble(ExitReason.AUTH, told.decode(), final=True)]
+    text = b"No API key found for octoform."
+    assert lines(PiDialect(), "stderr", text) == [Trouble(ExitReason.AUTH, text.decode(), final=True)]
 
 
 def test_nothing_strange_is_an_event() -> None:

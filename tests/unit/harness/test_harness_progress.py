@@ -12,14 +12,14 @@ class Clock:
 
 
 def test_a_burst_is_one_line_and_silence_is_told_every_ten_seconds() -> None:
-    clock, told = Clock(), []
-    progress = Progress(lambda text, elapsed: told.append((text, elapsed)), clock)
+    clock, found = Clock(), []
+    progress = Progress(lambda text, elapsed: found.append((text, elapsed)), clock)
     progress.feed(b"one\ntwo\nthree\n")
-    assert told == [("three", 0.0)]
+    assert found == [("three", 0.0)]
     for _ in range(250):
         clock.now += 0.1
         progress.tick()
-    assert [text for text, _ in told] == ["three", "", ""]
-    assert 10.0 <= told[1][1] <= 10.3
+    assert [text for text, _ in found] == ["three", "", ""]
+    assert 10.0 <= found[1][1] <= 10.3
     progress.feed(b"four\n")
-    assert told[-1][0] == "four"
+    assert found[-1][0] == "four"

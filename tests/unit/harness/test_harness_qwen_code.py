@@ -83,8 +83,8 @@ def test_each_failed_attempt_is_told() -> None:
 
 
 def test_its_own_limit_of_turns_is_told_on_standard_error_alone() -> None:
-    told = of(recorded(QwenCodeDialect(), "qwen-code-turns"), Trouble)
-    assert [(event.reason, event.final) for event in told] == [(ExitReason.TURN_LIMIT, True)]
+    found = of(recorded(QwenCodeDialect(), "qwen-code-turns"), Trouble)
+    assert [(event.reason, event.final) for event in found] == [(ExitReason.TURN_LIMIT, True)]
 
 
 @pytest.mark.parametrize(

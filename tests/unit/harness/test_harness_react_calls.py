@@ -75,7 +75,7 @@ def test_every_tool_does_its_work(toolbox: Toolbox, tmp_path: Path) -> None:
         toolbox.use(Ready("shell", {"command": "cat a", "timeout_seconds": None, "why": "to see"})),
         toolbox.use(Ready("read_file", {"path": "a"})),
     ]
-    assert [said.failed for said in used] == [False] * 4
+    assert [text.failed for text in used] == [False] * 4
     assert (used[2].text, used[3].text) == ("two", "two\n")
     assert {item["function"]["name"] for item in declared()} == {"shell", "write_file", "patch", "read_file"}
 
@@ -83,9 +83,9 @@ def test_every_tool_does_its_work(toolbox: Toolbox, tmp_path: Path) -> None:
 def test_a_secret_that_a_tool_comes_upon_reaches_no_model(toolbox: Toolbox, tmp_path: Path) -> None:
     (tmp_path / "found").write_text(f"key={SECRET}\n")
     for ready in (Ready("read_file", {"path": "found"}), Ready("shell", {"command": "cat found"})):
-        said = toolbox.use(ready).text
-        assert SECRET not in said
-        assert "LOOP_KEY" in said
+        found = toolbox.use(ready).text
+        assert SECRET not in found
+        assert "LOOP_KEY" in found
 
 
 def test_a_call_says_what_it_is_about() -> None:

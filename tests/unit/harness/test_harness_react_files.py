@@ -64,8 +64,8 @@ def test_hidden_signs_are_shown(folder: Path) -> None:
 
 
 def test_a_file_is_written_whole_and_with_its_folders(folder: Path) -> None:
-    said = write_file(folder, "new/deep/a.txt", "caf\u00e9\n")
-    assert said == Said("6 bytes written to new/deep/a.txt")
+    found = write_file(folder, "new/deep/a.txt", "caf\u00e9\n")
+    assert found == Said("6 bytes written to new/deep/a.txt")
     assert (folder / "new/deep/a.txt").read_text("utf-8") == "caf\u00e9\n"
     (folder / "run").write_text("old")
     (folder / "run").chmod(0o750)
@@ -77,8 +77,8 @@ def test_a_file_is_written_whole_and_with_its_folders(folder: Path) -> None:
 
 @pytest.mark.parametrize("path", ["../outside/there", "/etc/octoform-test", ".", "", "a/../../outside/there", ".."])
 def test_nothing_is_written_outside(folder: Path, path: str) -> None:
-    for said in (write_file(folder, path, "mine"), patch(folder, path, [{"old": "theirs", "new": "mine"}])):
-        assert said.failed and "is not below your folder" in said.text
+    for text in (write_file(folder, path, "mine"), patch(folder, path, [{"old": "theirs", "new": "mine"}])):
+        assert text.failed and "is not below your folder" in text.text
     assert (folder.parent / "outside" / "there").read_text() == "theirs"
 
 
@@ -114,8 +114,8 @@ def test_descriptors_are_given_back(folder: Path) -> None:
 
 def test_replacements_in_their_order(folder: Path) -> None:
     (folder / "a").write_bytes(b"one\r\ntwo\nthree\n")
-    said = patch(folder, "a", [{"old": "one\r\n", "new": "1\n"}, {"old": "1\ntwo", "new": "1\n2"}])
-    assert said == Said("2 replacement(s) made in a")
+    found = patch(folder, "a", [{"old": "one\r\n", "new": "1\n"}, {"old": "1\ntwo", "new": "1\n2"}])
+    assert found == Said("2 replacement(s) made in a")
     assert (folder / "a").read_bytes() == b"1\n2\nthree\n"
 
 
@@ -131,8 +131,8 @@ def test_replacements_in_their_order(folder: Path) -> None:
 )
 def test_all_replacements_are_made_or_none(folder: Path, edits: list[dict[str, str]], told: str) -> None:
     (folder / "file").write_text("a b b")
-    said = patch(folder, "file", edits)
-    assert said.failed and said.text.startswith(told) and "nothing was changed" in said.text
+    found = patch(folder, "file", edits)
+    assert found.failed and found.text.startswith(told) and "nothing was changed" in found.text
     assert (folder / "file").read_text() == "a b b"
 
 

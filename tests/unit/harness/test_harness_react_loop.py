@@ -147,9 +147,9 @@ def test_a_conversation_that_the_model_finds_too_long(run: Callable[[Scripted], 
 
 
 def test_what_is_written_is_bounded_and_one_line_each(run: Callable[[Scripted], Ran]) -> None:
-    said = "a\nb\u2028" * 10_000
+    text = "a\nb\u2028" * 10_000
     model = Scripted(
-        Reply(said, (Call("1", "shell", json.dumps({"command": f"yes | head -c 90000; {WRITE}"})),)), Reply("ok")
+        Reply(text, (Call("1", "shell", json.dumps({"command": f"yes | head -c 90000; {WRITE}"})),)), Reply("ok")
     )
     ok, lines = run(model)
     assert ok

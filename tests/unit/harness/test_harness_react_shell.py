@@ -19,8 +19,8 @@ def shell(tmp_path: Path) -> Shell:
 
 
 def test_both_streams_in_their_order_and_the_folder(shell: Shell, tmp_path: Path) -> None:
-    said = shell.run("echo out; echo err >&2; pwd; printf %s end")
-    assert said == Said(f"out\nerr\n{tmp_path}\nend")
+    found = shell.run("echo out; echo err >&2; pwd; printf %s end")
+    assert found == Said(f"out\nerr\n{tmp_path}\nend")
 
 
 def test_a_command_that_says_nothing_and_one_that_fails(shell: Shell) -> None:
@@ -33,17 +33,17 @@ def test_a_command_that_says_nothing_and_one_that_fails(shell: Shell) -> None:
 
 def test_it_has_exactly_its_environment_and_no_input(shell: Shell, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LOOP_KEY", "not-for-commands")
-    said = shell.run("env; cat").text.splitlines()
-    assert "SEEN=yes" in said
-    assert not [line for line in said if "LOOP_KEY" in line]
+    lines = shell.run("env; cat").text.splitlines()
+    assert "SEEN=yes" in lines
+    assert not [line for line in lines if "LOOP_KEY" in line]
 
 
 def test_a_flood_is_bounded_with_its_beginning_and_its_end(shell: Shell) -> None:
-    said = shell.run("echo first; yes 0123456789 | head -c 30000000; echo; echo last")
-    assert len(said.text) < OUTPUT_BYTES + 200
-    assert said.text.startswith("first\n")
-    assert said.text.endswith("\nlast")
-    assert "bytes omitted ...]" in said.text
+    found = shell.run("echo first; yes 0123456789 | head -c 30000000; echo; echo last")
+    assert len(found.text) < OUTPUT_BYTES + 200
+    assert found.text.startswith("first\n")
+    assert found.text.endswith("\nlast")
+    assert "bytes omitted ...]" in found.text
 
 
 def test_bytes_that_are_no_text_and_signs_that_hide(shell: Shell) -> None:
@@ -52,8 +52,8 @@ def test_bytes_that_are_no_text_and_signs_that_hide(shell: Shell) -> None:
 
 def test_a_command_over_its_time_ends_with_its_group(shell: Shell, tmp_path: Path) -> None:
     began = time.monotonic()
-    said = shell.run("echo before; sleep 300 & echo $! > child; trap '' TERM; while :; do sleep 0.05; done", 1)
-    assert said == Said("before\n[ended after 1 seconds, its limit]", failed=True)
+    result = shell.run("echo before; sleep 300 & echo $! > child; trap '' TERM; while :; do sleep 0.05; done", 1)
+    assert result == Said("before\n[ended after 1 seconds, its limit]", failed=True)
     assert time.monotonic() - began < 15
     child = int((tmp_path / "child").read_text())
     until(lambda: (found := orphans.look(child)) is None or found.state in "ZX")
@@ -67,8 +67,8 @@ def test_no_command_gets_more_than_the_most(tmp_path: Path) -> None:
 
 def test_what_runs_on_is_not_waited_for(shell: Shell, tmp_path: Path) -> None:
     began = time.monotonic()
-    said = shell.run("sleep 300 & echo $! > child; echo done")
-    assert said == Said("done")
+    result = shell.run("sleep 300 & echo $! > child; echo done")
+    assert result == Said("done")
     assert time.monotonic() - began < 10
     pid = int((tmp_path / "child").read_text())
     found = orphans.look(pid)

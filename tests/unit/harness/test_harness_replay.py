@@ -96,31 +96,31 @@ def play(tmp_path: Path) -> Play:
             environment={},
             limits=TaskLimits(30.0, turns=1, usd=0.01),
         )
-        told: list[tuple[AgentEvent, float, Usage]] = []
-        return harness.run(task, lambda event, at, used: told.append((event, at, used))), task, told
+        lines: list[tuple[AgentEvent, float, Usage]] = []
+        return harness.run(task, lambda event, at, used: lines.append((event, at, used))), task, lines
 
     return run
 
 
 def test_a_failed_attempt_is_played_as_it_failed(folder: Path, play: Play) -> None:
-    outcome, task, told = play(folder, 1)
+    outcome, task, found = play(folder, 1)
     assert (outcome.reason, outcome.exit_status) == (ExitReason.FINISHED, 0)
     assert task.output.read_text() == "{"
     assert (task.workdir / "spec.md").read_text() == "# given\n"
-    assert told == []
+    assert found == []
 
 
 def test_the_good_attempt_with_all_that_it_did(folder: Path, play: Play) -> None:
-    outcome, task, told = play(folder, 2)
+    outcome, task, found = play(folder, 2)
     assert task.output.read_text() == '{"good": true}'
     assert (task.workdir / "spec.md").read_text() == "# corrected\n"
     assert outcome.usage == Usage(31, 7, 5, 0.25, "manifest")
     assert (outcome.turns, outcome.program) == (2, "pi 1.2")
     assert outcome.seconds < 3.0, "a replay does not wait as the agent did"
-    assert [at for _, at, _ in told] == [line["at"] for line in TRANSCRIPT]
-    assert told[0][0] == Said("I look at {project}")
-    assert told[1][0] == ToolCalled("bash", "ls /sys")
-    assert [used.input_tokens for event, _, used in told if isinstance(event, Turn | Totals)] == [10, 30, 31]
+    assert [at for _, at, _ in found] == [line["at"] for line in TRANSCRIPT]
+    assert found[0][0] == Said("I look at {project}")
+    assert found[1][0] == ToolCalled("bash", "ls /sys")
+    assert [used.input_tokens for event, _, used in found if isinstance(event, Turn | Totals)] == [10, 30, 31]
     assert task.transcript.read_bytes() == (folder / "probe-2/transcript.jsonl").read_bytes()
     assert task.log.read_text() == "I look at {project}\n"
 

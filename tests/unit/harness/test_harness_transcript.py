@@ -122,11 +122,11 @@ SPELT = {
 
 @pytest.mark.parametrize("spelling", SPELT)
 def test_a_key_that_only_a_dialect_sees_whole_reaches_no_transcript(tmp_path: Path, spelling: str) -> None:
-    told: list[str] = []
-    watcher = Watcher(Pieces(), TaskLimits(60.0), lambda event, *_: told.append(str(event)))
+    lines: list[str] = []
+    watcher = Watcher(Pieces(), TaskLimits(60.0), lambda event, *_: lines.append(str(event)))
     watcher.recording(tmp_path / "transcript.jsonl", {"LOOP_KEY": KEY})
     watcher.feed("stdout", "".join(f"{line}\n" for line in (*SPELT[spelling], "")).encode())
     watcher.finish()
     written = (tmp_path / "transcript.jsonl").read_text()
-    assert KEY not in written + "".join(told)
+    assert KEY not in written + "".join(lines)
     assert written.count("[LOOP_KEY redacted]") == 4

@@ -148,14 +148,14 @@ def test_a_line_of_the_json_stream_is_json_without_hidden_characters(hostile: Ho
 
 @EACH
 def test_the_watcher_tells_printable_lines_and_the_transcript_is_json(hostile: Hostile, tmp_path: Path) -> None:
-    said: list[str] = []
-    watcher = Watcher(None, TaskLimits(9.0), lambda event, *_: said.append(getattr(event, "text", "")))
+    lines: list[str] = []
+    watcher = Watcher(None, TaskLimits(9.0), lambda event, *_: lines.append(getattr(event, "text", "")))
     watcher.recording(tmp_path / "transcript.jsonl")
     for piece in (hostile.data[:7], hostile.data[7:], b"\nlast line"):
         watcher.feed("stdout", piece)
     watcher.finish()
-    assert said[-1] == "last line"
-    assert all(text.isprintable() and len(text) <= 200 for text in said)
+    assert lines[-1] == "last line"
+    assert all(text.isprintable() and len(text) <= 200 for text in lines)
     for line in (tmp_path / "transcript.jsonl").read_text("utf-8").splitlines():
         assert json.loads(line)["event"] == "said"
 

@@ -106,9 +106,9 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
     assert [limit.rate for limit in manifest.policy.limits] == [None, None, (10, 60)]
     assert manifest.policy.timeout_for("capture_image") == 60
     assert manifest.perception == Perception(enabled=False, camera="usb-0000-0000", interval=300)
-    told = Notify(("./notify-me",), "https://alerts.example.org/hook", desktop=True)
+    result = Notify(("./notify-me",), "https://alerts.example.org/hook", desktop=True)
     assert manifest.daemon == Daemon(
-        usd_per_hour=1.0, notify=told, metrics=Path("/var/lib/node_exporter/octoform.prom")
+        usd_per_hour=1.0, notify=result, metrics=Path("/var/lib/node_exporter/octoform.prom")
     )
 
 

@@ -82,8 +82,8 @@ def test_what_the_daemon_is_told(tmp_path: Path) -> None:
         "   notify: {command: [./tell], webhook: '${URL}', desktop: true}}\n",
         URL="https://alerts.example.org/value-of-url",
     )
-    told = Notify(("./tell",), "${URL}", desktop=True)
-    assert manifest.daemon == Daemon(10, 5, "ask", 2, None, 5400, told, tmp_path / "out" / "a.prom")
+    found = Notify(("./tell",), "${URL}", desktop=True)
+    assert manifest.daemon == Daemon(10, 5, "ask", 2, None, 5400, found, tmp_path / "out" / "a.prom")
     assert manifest.variables == ("URL",)
     assert "value-of-url" not in repr(manifest)
 

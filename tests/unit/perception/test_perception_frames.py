@@ -64,8 +64,8 @@ def test_trouble_is_counted_and_told_when_it_comes_and_when_it_goes() -> None:
     record = after(taken(), black(), black(1), *[taken(seed=2)] * 6, taken(seed=3))
     summary = record.summary
     assert (summary.looks, summary.black, summary.uniform, summary.frozen, summary.absences) == (10, 2, 0, 1, 0)
-    told = [line.partition(": ")[2] for line in summary.changes[1:]]
-    assert told == ["black", "it shows something again", "frozen", "it shows something again"]
+    lines = [line.partition(": ")[2] for line in summary.changes[1:]]
+    assert lines == ["black", "it shows something again", "frozen", "it shows something again"]
 
 
 def test_one_repeat_is_suspected_and_no_trouble_and_a_new_picture_ends_it() -> None:
@@ -89,9 +89,9 @@ def test_a_record_of_before_that_knows_no_pixels_is_still_read() -> None:
 def test_of_a_picture_that_shows_nothing_no_state_is_told(last: Taken, trouble: str) -> None:
     record = after(taken(), *[taken(30)] * 5, last)
     assert record.current is not None and record.current.trouble == trouble
-    said = words(record)
-    assert f"it is {trouble}" in said and "physical state is unknown" in said
-    assert "changed" not in said and "mean" not in said
+    found = words(record)
+    assert f"it is {trouble}" in found and "physical state is unknown" in found
+    assert "changed" not in found and "mean" not in found
 
 
 def test_an_absence_has_its_reason_and_makes_the_last_picture_old() -> None:
@@ -105,11 +105,11 @@ def test_an_absence_has_its_reason_and_makes_the_last_picture_old() -> None:
 
 def test_while_no_picture_is_there_nothing_is_told_of_the_physical_state() -> None:
     record = after(taken(), taken(30), None)
-    said = words(record)
-    assert f"No picture since {at(2)} because capture_image took no picture" in said
-    assert f"unknown since the picture of {at(1)}" in said
+    found = words(record)
+    assert f"No picture since {at(2)} because capture_image took no picture" in found
+    assert f"unknown since the picture of {at(1)}" in found
     for word in ("changed", "mean", "difference", "first picture", VIEW["device"]):
-        assert str(word) not in said
+        assert str(word) not in found
     assert "unknown at any time" in words(after(None))
 
 

@@ -13,8 +13,8 @@ X = "x: {tool: rail_move_x, parameter: steps}"
 def test_counting_and_stopping_are_commands_after_the_others() -> None:
     profile, found = load_text(RAIL, "x")
     assert profile is not None and found == []
-    told = [(item["tool"], item.get("do"), item["effect"]) for item in commands(profile)]
-    assert told[3:] == [("rail_position", "position", "read"), ("rail_stop", "stop", "actuate")]
+    lines = [(item["tool"], item.get("do"), item["effect"]) for item in commands(profile)]
+    assert lines[3:] == [("rail_position", "position", "read"), ("rail_stop", "stop", "actuate")]
     assert [item["parameters"] for item in commands(profile)[3:]] == [{}, {}]
     grammar = for_task(profile, {"usb-x"})["grammar"]
     steps = {"parameter": "steps"}

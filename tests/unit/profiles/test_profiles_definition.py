@@ -133,8 +133,8 @@ def test_a_grammar_is_read_as_data() -> None:
 def test_what_is_refused(old: str, new: str, says: str) -> None:
     profile, found = lamp(old, new)
     assert profile is None
-    told = [f"{item.summary} {item.hint}" for item in found if item.code == "PROFILE-GRAMMAR"]
-    assert any(says in text for text in told), [item.summary for item in found]
+    lines = [f"{item.summary} {item.hint}" for item in found if item.code == "PROFILE-GRAMMAR"]
+    assert any(says in text for text in lines), [item.summary for item in found]
     assert all(item.span is not None and item.span.line > 8 for item in found if item.code == "PROFILE-GRAMMAR")
 
 
@@ -237,10 +237,10 @@ def test_what_a_rig_may_not_say(new: str, code: str) -> None:
 
 
 def test_the_task_of_an_agent_carries_the_grammar_as_json() -> None:
-    told = for_task(good(), {"usb-b", "usb-a"})
-    assert (told["name"], told["product"], told["holds"]) == ("bench-lamp", "Bench Lamp Two", ["usb-a", "usb-b"])
-    assert told["grammar"]["line"]["timeout"] == 2.0
-    assert told["grammar"]["commands"][1] == {
+    found = for_task(good(), {"usb-b", "usb-a"})
+    assert (found["name"], found["product"], found["holds"]) == ("bench-lamp", "Bench Lamp Two", ["usb-a", "usb-b"])
+    assert found["grammar"]["line"]["timeout"] == 2.0
+    assert found["grammar"]["commands"][1] == {
         "tool": "lamp_temperature",
         "send": "T?",
         "about": "temperature of the lamp",

@@ -111,34 +111,39 @@ def test_the_former_name_of_the_timeout_of_a_movement_is_read() -> None:
 
 
 def test_what_a_tool_takes_follows_from_what_it_does() -> None:
-    told = {item["tool"]: item for item in plain(grammar())["commands"]}
+    fields = {item["tool"]: item for item in plain(grammar())["commands"]}
     one = {"type": "string", "about": "which pump, by its name or its id", "enum": ["left", "right", "12", "11"]}
     speed = {"type": "integer", "about": "speed of the movement", "unit": "rpm", "minimum": 1, "maximum": 200}
     speed |= {"default": 40}
-    assert {name: item["effect"] for name, item in told.items() if item["effect"] == "read"} == {"pump_status": "read"}
-    assert told["pump_status"]["parameters"] == told["pumps_stop"]["parameters"] == {}
-    assert told["pump_status"]["fields"] == ["place", "heat"]
+    assert {name: item["effect"] for name, item in fields.items() if item["effect"] == "read"} == {
+        "pump_status": "read"
+    }
+    assert fields["pump_status"]["parameters"] == fields["pumps_stop"]["parameters"] == {}
+    assert fields["pump_status"]["fields"] == ["place", "heat"]
     goal = {"type": "integer", "about": "goal of the pump", "minimum": -1000, "maximum": 1000}
-    assert told["pump_turn"]["parameters"] == {"pump": one, "position": goal, "speed": speed}
-    percent = told["pump_turn_percent"]["parameters"]["percent"]
+    assert fields["pump_turn"]["parameters"] == {"pump": one, "position": goal, "speed": speed}
+    percent = fields["pump_turn_percent"]["parameters"]["percent"]
     assert (percent["type"], percent["minimum"], percent["maximum"], percent["unit"]) == ("number", -100, 100, "%")
-    assert list(told["pumps_turn"]["parameters"]) == ["left", "right", "speed"]
-    assert told["pumps_empty"]["parameters"] == {"speed": speed}
-    assert (told["pumps_empty"]["pose"], told["pumps_empty"]["release"]) == ("empty", True)
-    assert told["pump_hold"]["parameters"]["on"]["type"] == "boolean"
+    assert list(fields["pumps_turn"]["parameters"]) == ["left", "right", "speed"]
+    assert fields["pumps_empty"]["parameters"] == {"speed": speed}
+    assert (fields["pumps_empty"]["pose"], fields["pumps_empty"]["release"]) == ("empty", True)
+    assert fields["pump_hold"]["parameters"]["on"]["type"] == "boolean"
     assert [tool.tool for tool in grammar().tools() if tool.stops] == ["pumps_stop"]
 
 
 def test_the_task_has_the_bus_as_it_is_on_the_rig() -> None:
-    told = for_task(good(), {"usb-a"})["grammar"]["registers"]
-    assert (told["units"], told["disabled"]) == ({"left": 12, "right": 11}, {"right": "its hose is torn"})
-    assert told["motion"]["before"] == [{"torque": 1}, {"pace": "speed"}]
-    assert (told["motion"]["timeout"], told["fields"]["heat"]) == (10.0, {"address": 146, "bytes": 1, "unit": "Cel"})
-    assert json.loads(json.dumps(told)) == told
+    result = for_task(good(), {"usb-a"})["grammar"]["registers"]
+    assert (result["units"], result["disabled"]) == ({"left": 12, "right": 11}, {"right": "its hose is torn"})
+    assert result["motion"]["before"] == [{"torque": 1}, {"pace": "speed"}]
+    assert (result["motion"]["timeout"], result["fields"]["heat"]) == (
+        10.0,
+        {"address": 146, "bytes": 1, "unit": "Cel"},
+    )
+    assert json.loads(json.dumps(result)) == result
     alone, found = pump(RIG, "")
     assert alone is not None and found == []
-    told = for_task(alone, {"usb-a"})["grammar"]["registers"]
-    assert (told["units"], told["disabled"]) == ({"left": 11, "right": 12}, {})
+    result = for_task(alone, {"usb-a"})["grammar"]["registers"]
+    assert (result["units"], result["disabled"]) == ({"left": 11, "right": 12}, {})
 
 
 def test_an_agent_that_reads_prose_is_told_product_and_rig_apart() -> None:
@@ -259,8 +264,8 @@ REFUSED: list[tuple[str, str, str]] = [
 def test_what_is_refused(old: str, new: str, says: str) -> None:
     profile, found = pump(old, new)
     assert profile is None
-    told = [f"{item.summary} {item.hint}" for item in found if item.code == "PROFILE-GRAMMAR"]
-    assert any(says in text for text in told), [(item.code, item.summary, item.hint) for item in found]
+    lines = [f"{item.summary} {item.hint}" for item in found if item.code == "PROFILE-GRAMMAR"]
+    assert any(says in text for text in lines), [(item.code, item.summary, item.hint) for item in found]
     assert all(item.span is not None and item.span.line > 7 for item in found if item.code == "PROFILE-GRAMMAR")
 
 
@@ -343,8 +348,8 @@ def arm() -> tuple[Profile, dict[str, Any]]:
 
 
 def test_the_shipped_arm_has_its_tools_and_its_order_of_writes() -> None:
-    profile, told = arm()
-    assert [(item["tool"], item["do"]) for item in told["commands"]] == [
+    profile, found = arm()
+    assert [(item["tool"], item["do"]) for item in found["commands"]] == [
         ("arm_status", "read_units"),
         ("arm_read_joint", "read_unit"),
         ("arm_move_joint", "move_unit"),
@@ -355,7 +360,7 @@ def test_the_shipped_arm_has_its_tools_and_its_order_of_writes() -> None:
         ("arm_set_torque", "set_torque"),
         ("arm_stop", "stop"),
     ]
-    registers = told["registers"]
+    registers = found["registers"]
     assert (registers["baud"], registers["disabled"], list(registers["units"].values())) == (
         1_000_000,
         {},
@@ -368,11 +373,11 @@ def test_the_shipped_arm_has_its_tools_and_its_order_of_writes() -> None:
 
 
 def test_every_number_that_moves_the_shipped_arm_is_limited() -> None:
-    profile, told = arm()
+    profile, found = arm()
     bounded = {limit["parameter"] for limit in profile.limits if {"minimum", "maximum"} <= limit.keys()}
     numbers = {
         name
-        for command in told["commands"]
+        for command in found["commands"]
         for name, value in command["parameters"].items()
         if value["type"] in ("integer", "number")
     }

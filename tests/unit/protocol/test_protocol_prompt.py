@@ -163,7 +163,7 @@ def test_naming_prompts_and_paths_costs_no_heavy_import() -> None:
 def test_no_prompt_tells_where_the_project_lies() -> None:
     home = Path("/home/somebody/lab")
     attempt = home / ".octoform/bench/attempts/000002-identify-1"
-    told = render_prompt(
+    found = render_prompt(
         prompt(
             workdir=attempt,
             output=attempt / "output.json",
@@ -173,8 +173,8 @@ def test_no_prompt_tells_where_the_project_lies() -> None:
             diagnostics=(error("IDENTIFY-SCHEMA", "a reason to try again"),),
         )
     )
-    assert "somebody" not in told
-    assert "../../../../state/bench/probe/output.json" in told
+    assert "somebody" not in found
+    assert "../../../../state/bench/probe/output.json" in found
 
 
 def test_the_lines_of_a_detail_stay_apart_and_what_is_cut_ends_after_a_whole_item() -> None:

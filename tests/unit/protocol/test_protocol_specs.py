@@ -108,21 +108,21 @@ def blocks(stage: str, language: str) -> list[str]:
 
 def test_the_signatures_that_serve_is_told_are_those_of_the_runtime() -> None:
     [listed] = [text for text in blocks("serve", "python") if text.startswith("device(")]
-    told = {}
+    fields = {}
     for line in listed.splitlines():
         name, _, rest = line.partition("(")
         [stub] = ast.parse(f"def {name.rpartition('.')[2]}({rest.partition('  #')[0]}: ...").body
         assert isinstance(stub, ast.FunctionDef)
         defaults = [ast.literal_eval(item) for item in stub.args.defaults]
-        told[name] = [item.arg for item in stub.args.args], defaults, stub.args.vararg and stub.args.vararg.arg
+        fields[name] = [item.arg for item in stub.args.args], defaults, stub.args.vararg and stub.args.vararg.arg
     real = {}
-    for name in told:
+    for name in fields:
         owner, _, member = name.rpartition(".")
         parameters = inspect.signature(getattr(getattr(runtime, owner) if owner else runtime, member)).parameters
         named = [item for item in parameters.values() if item.name != "self" and item.kind is not item.VAR_POSITIONAL]
         given = [item.default for item in named if item.default is not item.empty]
         real[name] = [item.name for item in named], given, next((n for n, i in parameters.items() if i.kind == 2), None)
-    assert told == real and len(told) == 11
+    assert fields == real and len(fields) == 11
 
 
 def test_the_server_of_serves_example_keeps_the_interface_of_interfaces_example() -> None:

@@ -107,8 +107,8 @@ def test_items_find_their_unit_by_ids_and_port_and_path() -> None:
 
 
 def test_a_name_by_id_tells_which_of_two_equal_devices_is_meant() -> None:
-    told = "bus: usb\ntty[0].udev.ID_SERIAL.name: Heron_Stick"
-    probe = {"devices": [UNIT, UNIT | {"id": "usb-f00d-0001-2", "raw_descriptor": told}]}
+    text = "bus: usb\ntty[0].udev.ID_SERIAL.name: Heron_Stick"
+    probe = {"devices": [UNIT, UNIT | {"id": "usb-f00d-0001-2", "raw_descriptor": text}]}
     by_id = item(match="serial port usb-Heron_Stick_0042-if00 (usb f00d:0001)")
     assert (Units(probe).find(by_id) or {})["id"] == "usb-f00d-0001-2"
 

@@ -182,13 +182,13 @@ def kept_pid() -> int:
 
 
 def test_it_ends_with_the_process_that_started_it() -> None:
-    told, tells = os.pipe()
+    found, tells = os.pipe()
     parent = os.fork()
     if parent == 0:
         os.write(tells, str(called(process, 60.0)).encode())
         os._exit(0)
     os.waitpid(parent, 0)
-    pid = int(os.read(told, 20))
+    pid = int(os.read(found, 20))
     until(lambda: not is_there(pid))
 
 

@@ -91,8 +91,8 @@ def test_a_device_that_was_attached_anew_is_unknown_and_let_go_of(line: int) -> 
 
 def test_after_a_stop_only_the_command_that_ends_it_is_sent(line: int) -> None:
     done(line, HOME)
-    told = counting.stop(DEVICE, "rail_home")
-    assert told["stopped"] is True and "until rail_home went well" in told["note"]
+    found = counting.stop(DEVICE, "rail_home")
+    assert found["stopped"] is True and "until rail_home went well" in found["note"]
     for step in (Step("x", 1), Step()):
         with pytest.raises(DeviceFault, match="is stopped: nothing is sent to it until rail_home went well"):
             done(line, step)

@@ -67,8 +67,8 @@ def host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Host]:
 
 
 def test_a_stop_outlives_its_process_until_the_way_home_went_well(host: Host) -> None:
-    told = counting.stop(DEVICE, "rail_home")
-    assert "until rail_home went well, also after a restart of this server; a movement under way" in told["note"]
+    found = counting.stop(DEVICE, "rail_home")
+    assert "until rail_home went well, also after a restart of this server; a movement under way" in found["note"]
     assert [path.name for path in host.folder.iterdir()] == [host.file.name]
     assert stat.S_IMODE(host.file.stat().st_mode) == 0o600
     assert json.loads(host.file.read_bytes())["until"] == "rail_home"

@@ -241,15 +241,15 @@ def test_a_unit_that_falls_silent_on_its_way_is_not_called_stopped(bench: Bench)
 
 
 def test_a_stop_ends_a_movement_of_another_thread_and_holds(bench: Bench) -> None:
-    told: list[dict[str, Any]] = []
-    bench.events.append((1.0, lambda: told.append(bench.units().stop())))
+    lines: list[dict[str, Any]] = []
+    bench.events.append((1.0, lambda: lines.append(bench.units().stop())))
     text = fails(bench, "move_many", {ELBOW: 2080, WRIST: 1600}, 400)
     assert text == f"{bench.device}: stopped: the movement was ended, and its units hold their places"
     assert bench.now < 1.3
     where = bench.joint(ELBOW).position
     bench.now += 5
     assert bench.joint(ELBOW).position == pytest.approx(where, abs=60) and where > 2600
-    assert bench.joint(ELBOW).torque and [record["joint"] for record in told[0]["joints"]] == list(ARM.units)
+    assert bench.joint(ELBOW).torque and [record["joint"] for record in lines[0]["joints"]] == list(ARM.units)
     assert bench.units().move(ELBOW, 2500, 800)["position"] == 2500  # a stop is over when it is done
 
 
@@ -349,9 +349,9 @@ def test_the_calibrated_range_narrows_and_scales(calibrated: Bench, tmp_path: Pa
 
 
 def test_without_a_file_the_raw_units_are_left_and_the_calibrated_tool_says_where_it_looked(calibrated: Bench) -> None:
-    told = "there is no calibration file; looked for ~/cal/*.json"
-    assert told in fails(calibrated, "move_percent", ELBOW, 0, 400)
-    assert calibrated.units().read_all(("position",))["calibration"] == told
+    text = "there is no calibration file; looked for ~/cal/*.json"
+    assert text in fails(calibrated, "move_percent", ELBOW, 0, 400)
+    assert calibrated.units().read_all(("position",))["calibration"] == text
     assert calibrated.units().read(ELBOW, ("position",))["calibrated"] is None
     assert calibrated.units().move(ELBOW, 2500, 800)["moved"] is True
 
@@ -372,16 +372,16 @@ def test_a_file_that_is_no_calibration_is_said_to_be_none(
     calibrated: Bench, tmp_path: Path, text: str, told: str
 ) -> None:
     calibration(calibrated, tmp_path).write_text(text)
-    said = fails(calibrated, "move_percent", ELBOW, 0, 400)
-    assert told in said and "~/cal/arm.json" in said and str(tmp_path) not in said
+    found = fails(calibrated, "move_percent", ELBOW, 0, 400)
+    assert told in found and "~/cal/arm.json" in found and str(tmp_path) not in found
     assert calibrated.units().move(ELBOW, 2500, 800)["moved"] is True
 
 
 def test_two_files_are_one_too_many(calibrated: Bench, tmp_path: Path) -> None:
     calibration(calibrated, tmp_path)
     calibration(calibrated, tmp_path, "other.json")
-    told = "there are 2 calibration files and nothing shows which is meant: ~/cal/arm.json, ~/cal/other.json"
-    assert told in fails(calibrated, "move_percent", ELBOW, 0, 400)
+    text = "there are 2 calibration files and nothing shows which is meant: ~/cal/arm.json, ~/cal/other.json"
+    assert text in fails(calibrated, "move_percent", ELBOW, 0, 400)
 
 
 def test_a_file_with_other_ids_moves_nothing(calibrated: Bench, tmp_path: Path) -> None:

@@ -62,17 +62,17 @@ def break_something(bus: ServoBus, chance: random.Random) -> None:
 
 
 def test_no_fault_and_no_order_of_calls_exceeds_a_limit() -> None:
-    chance, told = random.Random(20), Counter[str]()
+    chance, found = random.Random(20), Counter[str]()
     bench = Bench(ARM._replace(motion=ARM.motion._replace(within=WITHIN) if ARM.motion else None), made=Bus)
     limits = {number: (servo.value("lowest"), servo.value("highest")) for number, servo in bench.bus.servos.items()}
     for _ in range(CALLS):
         if chance.random() < 0.1:
             break_something(bench.bus, chance)
         if chance.random() < 0.02:
-            bench.events.append((bench.now + chance.uniform(0.01, 0.3), lambda: attempt(bench.units().stop, told)))
+            bench.events.append((bench.now + chance.uniform(0.01, 0.3), lambda: attempt(bench.units().stop, found)))
         hot = {number for number, servo in bench.bus.servos.items() if servo.temperature >= 66}
         begun = len(bench.writes)
-        attempt(chance.choices(calls(bench, chance), WEIGHTS)[0], told)
+        attempt(chance.choices(calls(bench, chance), WEIGHTS)[0], found)
         for number, address, value in bench.writes[begun:]:
             lowest, highest = limits[number]
             assert address in (40, 41, 42, 46)
@@ -83,7 +83,7 @@ def test_no_fault_and_no_order_of_calls_exceeds_a_limit() -> None:
     for number, servo in bench.bus.servos.items():
         assert limits[number][0] <= servo.reached.lowest <= servo.reached.highest <= limits[number][1]
     assert bench.bus.corrupt == bench.bus.overlapping == 0
-    assert min(told[kind] for kind in ("well", "limits", "hot", "silent", "stopped", "stuck")) > 2, told
+    assert min(found[kind] for kind in ("well", "limits", "hot", "silent", "stopped", "stuck")) > 2, found
 
 
 def attempt(call: Callable[[], object], told: Counter[str]) -> None:

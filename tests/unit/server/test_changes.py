@@ -64,11 +64,11 @@ async def test_a_new_picture_is_told_to_its_subscribers_and_the_first_one_to_all
 async def test_the_capabilities_say_so(era: str) -> None:
     server, _ = offered()
     async with Client(server, mode=era) as client:
-        told = client.session.server_capabilities
+        found = client.session.server_capabilities
 
-    assert told.tools.list_changed is True
-    assert told.prompts.list_changed is False
-    assert (told.resources.list_changed, told.resources.subscribe) == (True, True)
+    assert found.tools.list_changed is True
+    assert found.prompts.list_changed is False
+    assert (found.resources.list_changed, found.resources.subscribe) == (True, True)
 
 
 @pytest.mark.anyio

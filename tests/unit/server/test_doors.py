@@ -236,13 +236,13 @@ def test_every_door_is_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
             assert "it broke" in await endpoint._told_to_stop(asyncio.Event(), [ended])
             listener = listen(layout.socket)
             door = asyncio.create_task(endpoint._clients.serve(listener))
-            told = asyncio.create_task(endpoint._told_to_stop(asyncio.Event(), [door]))
+            found = asyncio.create_task(endpoint._told_to_stop(asyncio.Event(), [door]))
             async with RawClient(layout.socket) as client:
                 assert "result" in await client.ask(call("anything"))
-                assert not told.done()
+                assert not found.done()
             with (tmp_path / "device").open("w") as device:  # a tool closed the door's descriptor, a device got it
                 os.dup2(device.fileno(), listener.fileno())
-            assert "lost its socket" in await told
+            assert "lost its socket" in await found
             door.cancel()
             await asyncio.gather(door, return_exceptions=True)
 

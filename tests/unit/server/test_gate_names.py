@@ -55,7 +55,7 @@ async def test_who_holds_a_bus_is_named_to_those_alone_who_may_know(
         answer = await second.call_tool("look", raise_on_error=False, progress_handler=progress)
         MAY_GO[-1].set()
 
-    told = [answer.content[0].text, *heard]
-    assert len(told) > 1 and all("rail is busy" in text for text in told), told
-    assert all(("secret_arm (called by local)" in text) == named for text in told), told
-    assert all(("secret_arm" in text) == named for text in told), told
+    lines = [answer.content[0].text, *heard]
+    assert len(lines) > 1 and all("rail is busy" in text for text in lines), lines
+    assert all(("secret_arm (called by local)" in text) == named for text in lines), lines
+    assert all(("secret_arm" in text) == named for text in lines), lines

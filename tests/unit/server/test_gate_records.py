@@ -138,8 +138,8 @@ def test_an_approval_that_is_used_for_another_call_is_on_the_log(tmp_path: Path)
             with pytest.raises(MCPError):
                 await client.session.send_request(mcp_types.CallToolRequest(params=other), mcp_types.CallToolResult)
             last = gate.records()[-1]
-            said = (last["event"], last["tool"], last["caller"], last["decision"], last["code"])
-            assert said == ("decision", "move", "local", "refuse", "replayed")
+            lines = (last["event"], last["tool"], last["caller"], last["decision"], last["code"])
+            assert lines == ("decision", "move", "local", "refuse", "replayed")
 
     asyncio.run(scenario())
     assert moved == []

@@ -19,8 +19,8 @@ def move(joint: str, position: int) -> dict[str, Any]:
 
 def move_all(pan: int | None = None, elbow: int | None = None) -> dict[str, Any]:
     """Move joints."""
-    told = {"pan": pan, "elbow": elbow}
-    return {"joints": [{"joint": name, "position": place} for name, place in told.items() if place is not None]}
+    fields = {"pan": pan, "elbow": elbow}
+    return {"joints": [{"joint": name, "position": place} for name, place in fields.items() if place is not None]}
 
 
 def silent(joint: str, position: int) -> dict[str, Any]:
@@ -82,9 +82,9 @@ def test_a_report_outside_of_the_range_keeps_the_unit_still_until_a_person_sets_
             here.ledger.reset("move")
             assert await told("move", joint="elbow", position=100) == ""
             assert await told("move", joint="pan", position=900) == ""
-            said = await told("move", joint="elbow", position=900)
-            assert "has moved its device" in said and "9000 raw" in said and "policy.limits[0]" in said
-            assert "octoform limits -reset move" in said
+            found = await told("move", joint="elbow", position=900)
+            assert "has moved its device" in found and "9000 raw" in found and "policy.limits[0]" in found
+            assert "octoform limits -reset move" in found
             for name, arguments in (
                 ("move", {"joint": "3", "position": 1}),
                 ("move_all", {"elbow": 1}),

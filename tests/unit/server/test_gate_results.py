@@ -134,9 +134,9 @@ def test_what_a_tool_did_not_mean_to_say_is_a_reference(
             for kind in ("exit", "model", "protocol", "cancelled", "value"):
                 caplog.clear()
                 result = await client.call_tool(tool, {"kind": kind}, raise_on_error=False)
-                said = result.content[0].text
-                assert result.is_error and said.startswith("the tool failed inside (reference "), (kind, said)
-                reference = said.removeprefix("the tool failed inside (reference ").rstrip(")")
+                found = result.content[0].text
+                assert result.is_error and found.startswith("the tool failed inside (reference "), (kind, found)
+                reference = found.removeprefix("the tool failed inside (reference ").rstrip(")")
                 assert any(reference in each.getMessage() and each.exc_info for each in caplog.records)
                 assert gate.records("outcome")[-1]["reference"] == reference
             result = await client.call_tool(tool, {"kind": "told"}, raise_on_error=False)

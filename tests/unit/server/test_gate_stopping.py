@@ -160,11 +160,11 @@ def test_a_halt_alone_keeps_a_call_from_beginning(tmp_path: Path, which: Callabl
 def test_work_that_was_halted_on_its_way_to_its_thread_does_not_begin() -> None:
     async def scenario() -> None:
         workers = Workers()
-        told: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
-        job = Job(move, lambda value, problem: told.set_result(problem))
+        found: asyncio.Future[Any] = asyncio.get_running_loop().create_future()
+        job = Job(move, lambda value, problem: found.set_result(problem))
         job.interrupt()
         workers.start(job)
-        assert isinstance(await told, Interrupted) and job.over
+        assert isinstance(await found, Interrupted) and job.over
         workers.close()
 
     asyncio.run(scenario())

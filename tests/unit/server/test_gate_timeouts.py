@@ -231,12 +231,12 @@ def test_the_emergency_stop_interrupts_what_moves_and_no_reading(tmp_path: Path,
             begun.clear()
             moving = asyncio.create_task(error(client, tool.__name__))
             await until(begun.is_set)
-            told = threading.Thread(target=gate.gate.halt)  # as the control thread does
-            told.start()
+            found = threading.Thread(target=gate.gate.halt)  # as the control thread does
+            found.start()
             assert "emergency stop" in await moving
             gate_open.set()
             assert (await reading).data == "late"
-            told.join()
+            found.join()
 
     asyncio.run(scenario())
 

@@ -112,8 +112,8 @@ def test_moves_that_fail_are_reckoned_with_both_ways(tmp_path: Path) -> None:
     endpoint.start()
     for _ in range(5):
         assert endpoint.call("rail_move_x", steps=-MOST) == "OK"
-    told = endpoint.call("rail_move_x", steps=-1)
-    assert "it may really be -10000 to -8000 steps now. Allowed now: 0 to 18000 steps." in told
+    found = endpoint.call("rail_move_x", steps=-1)
+    assert "it may really be -10000 to -8000 steps now. Allowed now: 0 to 18000 steps." in found
     assert endpoint.rail.farthest == FARTHEST
     endpoint.call("rail_home")
     assert endpoint.call("rail_move_x", steps=-MOST) == "OK"

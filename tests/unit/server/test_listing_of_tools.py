@@ -41,8 +41,8 @@ async def test_tools_come_by_name_and_say_all_there_is_to_say(era: str) -> None:
         True,
         False,
     )
-    told = by_name["read_temperature"].annotations
-    assert (told.read_only_hint, told.destructive_hint, told.idempotent_hint, told.open_world_hint) == (
+    found = by_name["read_temperature"].annotations
+    assert (found.read_only_hint, found.destructive_hint, found.idempotent_hint, found.open_world_hint) == (
         True,
         True,
         False,

@@ -16,8 +16,8 @@ from octoform.server.process.stderr_log import Said, say
 def test_a_line_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     before = time.time()
     say("a door is closed")
-    stamp, _, said = capsys.readouterr().err.partition(" ")
-    assert said == "octoform: a door is closed\n"
+    stamp, _, found = capsys.readouterr().err.partition(" ")
+    assert found == "octoform: a door is closed\n"
     assert before - 0.002 <= datetime.fromisoformat(stamp).timestamp() <= time.time()
 
 
@@ -25,8 +25,8 @@ def test_what_is_logged_has_the_same_form(capsys: pytest.CaptureFixture[str]) ->
     logger = logging.Logger("octoform.any")
     logger.addHandler(Said())
     logger.error("the tool %s failed inside", "move")
-    stamp, _, said = capsys.readouterr().err.partition(" ")
-    assert (stamp[-1], said) == ("Z", "octoform: the tool move failed inside\n")
+    stamp, _, found = capsys.readouterr().err.partition(" ")
+    assert (stamp[-1], found) == ("Z", "octoform: the tool move failed inside\n")
 
 
 def test_a_full_disk_takes_the_line_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -240,7 +240,7 @@ def test_refusals_are_told_without_tokens_and_are_few(
     monkeypatch.setattr(LOGGER, "filters", [Throttle()])
     for _ in range(200):
         opened.ask("POST", "/mcp?token=value-of-all", body=INITIALIZE, headers=bearer("value-of-other-thing"))
-    told = [record.getMessage() for record in caplog.records if record.name == "octoform.web"]
-    assert 0 < len(told) <= 61
+    lines = [record.getMessage() for record in caplog.records if record.name == "octoform.web"]
+    assert 0 < len(lines) <= 61
     assert not any("value-of" in record.getMessage() for record in caplog.records)
-    assert any("POST '/mcp' from 127.0.0.1: 400" in line for line in told)
+    assert any("POST '/mcp' from 127.0.0.1: 400" in line for line in lines)

@@ -223,9 +223,9 @@ def test_the_strings_name_the_arm_unless_they_shall_not(tmp_path: Path, changes:
     rig = Rig(described(**unplugged, **changes), tmp_path)
     rig.start()
     folder = (tmp_path / "sys/bus/usb/devices/1-4").resolve()
-    told = " ".join((folder / name).read_text() for name in ("manufacturer", "product", "serial"))
+    text = " ".join((folder / name).read_text() for name in ("manufacturer", "product", "serial"))
     rig.stop()
-    assert ("SO-ARM101" in told, (folder / "product").exists()) == (named, False)
+    assert ("SO-ARM101" in text, (folder / "product").exists()) == (named, False)
 
 
 def test_nothing_is_left_of_it(rig: Rig) -> None:

@@ -180,13 +180,13 @@ class Time:
 
 
 def test_waiting_ends_at_the_timeout(layout: Layout) -> None:
-    time, told = Time(), list[Holder]()
+    time, found = Time(), list[Holder]()
     with taken(layout) as lock:
-        outcome = acquire(layout, "apply", Waiting(10.0, time.clock, time.sleep, told.append))
+        outcome = acquire(layout, "apply", Waiting(10.0, time.clock, time.sleep, found.append))
     assert outcome.lock is None and outcome.diagnostics[0].code == "STATE-LOCKED"
     assert time.now == pytest.approx(1010.0)
     assert time.naps[:4] == [0.1, 0.2, 0.4, 0.8] and max(time.naps) <= 2.0
-    assert [holder.id for holder in told] == [lock.holder.id]
+    assert [holder.id for holder in found] == [lock.holder.id]
 
 
 def test_waiting_ends_when_the_holder_does(layout: Layout) -> None:
@@ -326,9 +326,9 @@ class Racer:
         return bool(select.select([self.says], [], [], 0)[0])
 
     def answer(self) -> str:
-        while (said := os.read(self.says, 1)) == b"w":
+        while (found := os.read(self.says, 1)) == b"w":
             pass
-        return said.decode()
+        return found.decode()
 
     def end(self) -> None:
         os.kill(self.pid, signal.SIGKILL)

@@ -176,9 +176,9 @@ def test_a_state_that_moved_meanwhile_is_not_overwritten(accepted: Layout) -> No
     found = store.commit_snapshot()
     assert [item.code for item in found] == ["STATE-MOVED"]
     assert json.loads(accepted.snapshot.read_bytes())["serial"] == 9
-    again, told = StateStore.open(accepted)
+    again, result = StateStore.open(accepted)
     assert again is not None and again.snapshot.nodes["probe"].key == "one"
-    assert [item.code for item in told] == ["STATE-JOURNAL-STALE"]
+    assert [item.code for item in result] == ["STATE-JOURNAL-STALE"]
     assert again.begin("probe") == []
     assert accepted.journal.with_suffix(".stale").exists()
     assert opened(accepted).snapshot.nodes["probe"].status is Status.INTERRUPTED

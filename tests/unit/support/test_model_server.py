@@ -85,14 +85,14 @@ def test_responses(stream: bool) -> None:
     with serve(SCRIPT) as server:
         text = ask(server, "responses", stream)[1]
     final = events(text)[-1]["response"] if stream else json.loads(text)
-    said, called = final["output"]
-    assert said["content"][0]["text"] == "a moment"
+    result, called = final["output"]
+    assert result["content"][0]["text"] == "a moment"
     assert (called["name"], json.loads(called["arguments"])) == ("bash", {"command": "echo 0"})
     assert (final["usage"]["input_tokens"], final["usage"]["input_tokens_details"]["cached_tokens"]) == (100, 40)
     if stream:
-        told = events(text)
-        assert [item["sequence_number"] for item in told] == list(range(len(told)))
-        assert "".join(item["delta"] for item in told if item["type"] == "response.output_text.delta") == "a moment"
+        found = events(text)
+        assert [item["sequence_number"] for item in found] == list(range(len(found)))
+        assert "".join(item["delta"] for item in found if item["type"] == "response.output_text.delta") == "a moment"
 
 
 @pytest.mark.parametrize("stream", [False, True])
@@ -100,9 +100,9 @@ def test_messages_count_cached_input_apart(stream: bool) -> None:
     with serve(SCRIPT) as server:
         text = ask(server, "messages", stream)[1]
     if stream:
-        told = events(text)
-        usage = told[-2]["usage"]
-        deltas = [item["delta"] for item in told if item["type"] == "content_block_delta"]
+        found = events(text)
+        usage = found[-2]["usage"]
+        deltas = [item["delta"] for item in found if item["type"] == "content_block_delta"]
         assert "".join(item.get("text", "") for item in deltas) == "a moment"
         assert json.loads("".join(item.get("partial_json", "") for item in deltas)) == {"command": "echo 0"}
     else:

@@ -140,8 +140,8 @@ def test_what_ended_is_told_before_what_was_begun_because_of_it(tmp_path: Path) 
     out, lines = io.StringIO(), Terminal()
     Objects(console(out))(made)
     Lines(console(lines))(made)
-    told = [json.loads(line)["type"] for line in out.getvalue().splitlines()]
-    assert told.index("repair_end") < told.index("repair_start")
+    items = [json.loads(line)["type"] for line in out.getvalue().splitlines()]
+    assert items.index("repair_end") < items.index("repair_start")
     seen = screen(lines)
     assert [("heal ..." in each) for each in seen if "restart done" in each or "heal ..." in each] == [False, True]
 

@@ -77,8 +77,8 @@ class Shape(HTMLParser):
 @pytest.mark.parametrize("width", [60, 80, 120, 140])
 def test_no_line_is_wider_than_the_terminal(laptop: dict[str, Any], width: int) -> None:
     for made in (report(laptop), sample("a name of some length " * 12)):
-        told = lines(made, width, everything=False)
-        assert [line for line in told if len(line) > width] == []
+        found = lines(made, width, everything=False)
+        assert [line for line in found if len(line) > width] == []
 
 
 def test_every_device_that_is_not_left_out_is_shown_and_all_of_them_with_all(laptop: dict[str, Any]) -> None:
@@ -111,8 +111,8 @@ def test_bars_of_a_terminal_without_the_sign_are_of_another(laptop: dict[str, An
     console = Console(out, out, False, False, False)
     assert coverage_view.show(console, report(laptop), everything=False, as_json=False) == 0
     out.seek(0)
-    told = out.read()
-    assert "####" in told and "\\u2588" not in told
+    found = out.read()
+    assert "####" in found and "\\u2588" not in found
 
 
 def test_json_has_every_device_with_the_same_members(laptop: dict[str, Any]) -> None:
@@ -149,8 +149,8 @@ def test_json_has_every_device_with_the_same_members(laptop: dict[str, Any]) -> 
 
 def test_nothing_of_this_one_host_is_shown(laptop: dict[str, Any]) -> None:
     made = report(laptop)
-    told = [page(made), "\n".join(lines(made, 140, everything=True)), json.dumps(coverage_view.as_document(made))]
-    for text in told:
+    items = [page(made), "\n".join(lines(made, 140, everything=True)), json.dumps(coverage_view.as_document(made))]
+    for text in items:
         assert [secret for secret in SECRETS if secret in text.replace("Heron", "")] == []
 
 

@@ -52,8 +52,8 @@ def status(told: Mapping[str, Any] | None = None, **more: Any) -> Status:
 
 
 def test_a_recorded_host_is_called_one() -> None:
-    told = shown(status(recorded="/hosts/x"), verdict=Verdict.UNKNOWN)[1].splitlines()[1]
-    assert told == "  The host is the recorded or simulated one in /hosts/x (OCTOFORM_SYSROOT), not this machine."
+    found = shown(status(recorded="/hosts/x"), verdict=Verdict.UNKNOWN)[1].splitlines()[1]
+    assert found == "  The host is the recorded or simulated one in /hosts/x (OCTOFORM_SYSROOT), not this machine."
     assert json.loads(shown(status(recorded="/hosts/x"), as_json=True)[1])["recorded"] is True
 
 

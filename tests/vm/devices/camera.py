@@ -109,9 +109,9 @@ class Camera(Model):
         if request.code == _SET:
             self.brightness = struct.unpack("<h", request.data[:2])[0]
             return b""
-        told = {_CURRENT: self.brightness, _LOWEST: 0, _HIGHEST: 255, _STEP: 1, _DEFAULT: 128}
-        if request.code in told:
-            return struct.pack("<h", told[request.code])
+        fields = {_CURRENT: self.brightness, _LOWEST: 0, _HIGHEST: 255, _STEP: 1, _DEFAULT: 128}
+        if request.code in fields:
+            return struct.pack("<h", fields[request.code])
         return {_LENGTH: b"\x02\x00", _INFO: b"\x03"}.get(request.code)
 
     def picture(self) -> bytes:

@@ -50,8 +50,8 @@ class Headset(Model):
             return None
         if request.value >> 8 == _MUTE:
             return b"\x00"
-        told = {_CURRENT: 0, _LOWEST: -0x1900, _HIGHEST: 0, _STEP: 0x0100}
-        return struct.pack("<h", told[request.code]) if request.code in told else None
+        fields = {_CURRENT: 0, _LOWEST: -0x1900, _HIGHEST: 0, _STEP: 0x0100}
+        return struct.pack("<h", fields[request.code]) if request.code in fields else None
 
     def packet(self, address: int) -> bytes:
         """A millisecond of the tone."""

@@ -122,8 +122,8 @@ class Model:
         return found, endpoints
 
     def _device(self) -> bytes:
-        named, told = self.identity, self.strings()
-        numbers = [number if number in told else 0 for number in (1, 2, 3)]
+        named, found = self.identity, self.strings()
+        numbers = [number if number in found else 0 for number in (1, 2, 3)]
         head = struct.pack("<BBHBBBB", 18, DEVICE, self.usb, *self.kind, 64)
         return head + struct.pack("<HHHBBBB", named.vendor, named.product, named.release, *numbers, 1)
 

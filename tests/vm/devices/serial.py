@@ -171,8 +171,8 @@ class Cp2102(SerialBoard):
         if request.code == 0xFF:
             return b"\x02" if request.value == 0x370B else None
         baud = struct.pack("<I", 9600)
-        told = {0x04: b"\x00\x08", 0x08: b"\x00", 0x10: bytes(19), 0x14: bytes(16), 0x1D: baud}
-        return told.get(request.code, bytes(request.length))
+        fields = {0x04: b"\x00\x08", 0x08: b"\x00", 0x10: bytes(19), 0x14: bytes(16), 0x1D: baud}
+        return fields.get(request.code, bytes(request.length))
 
 
 SHARED_CHIP = Identity(0x1A86, 0x7523, "", "USB Serial", release=0x0264)

@@ -73,8 +73,8 @@ class Archive:
 
     def fetch(self, package: str) -> Path:
         """The package's file, downloaded unless it is there."""
-        told = run(["apt-get", *self._options(), "--print-uris", "download", package], cwd=self.places.folder)
-        name = told.split()[1]
+        found = run(["apt-get", *self._options(), "--print-uris", "download", package], cwd=self.places.folder)
+        name = found.split()[1]
         path = self.places.debs / name
         if not path.exists():
             run(["apt-get", *self._options(), "-qq", "download", package], cwd=self.places.debs)

@@ -216,10 +216,10 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
     if method == "web_search" and known and not any(PAGE.search(item.get("says", "")) for item in device["evidence"]):
         return "no evidence has the address of a page", "write it into `says`, or the method that did decide"
     if method == answer_rules.METHOD and device["id"] in artifacts.answers:
-        said = answer_rules.texts(device["id"], artifacts)
-        spoken = len(re.findall(r"\w", said[0])) >= 2
+        found = answer_rules.texts(device["id"], artifacts)
+        spoken = len(re.findall(r"\w", found[0])) >= 2
         verbatim = all(answer_rules.stands_in(item["quote"], entry, artifacts) for item in device["evidence"])
-        if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in said):
+        if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in found):
             return "no evidence is of that answer", "quote the owner's answer beside what PROBE shows"
     return None
 

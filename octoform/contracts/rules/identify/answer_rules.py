@@ -24,8 +24,8 @@ _ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
 
 def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
     """What a person said of a device, as it stands and on one line; evidence may quote it."""
-    said = artifacts.answers.get(device)
-    return (said, " ".join(said.split())) if said is not None else ()
+    found = artifacts.answers.get(device)
+    return (found, " ".join(found.split())) if found is not None else ()
 
 
 def stands_in(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:

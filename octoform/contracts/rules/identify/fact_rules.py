@@ -136,13 +136,13 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         entry, kind = probed.get(device["id"]), kind_of(str(device.get("class", "")).casefold())
         if entry is None or kind is None or device["category"] == "unknown" or known_by_a_person(device, artifacts):
             continue
-        told = said(
+        found = said(
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
         )
-        told |= said([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
-        told |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
+        found |= said([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
+        found |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
         ways = ways_of(entry)
-        if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], told | parts(told)):
+        if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], found | parts(found)):
             summary = (
                 f"{shown(device['id'])} is of the class {shown(kind)}, and PROBE shows {listed(sorted(ways))} of it"
             )

@@ -64,8 +64,8 @@ def duplicate_device(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """No device that PROBE lists is passed over in silence."""
-    told = {item["id"] for member in ("devices", "left_out") for item in value[member]}
-    silent = [name for name in _probed(artifacts) if name not in told]
+    names = {item["id"] for member in ("devices", "left_out") for item in value[member]}
+    silent = [name for name in _probed(artifacts) if name not in names]
     if not silent:
         return []
     summary = f"{len(silent)} of PROBE's devices are neither identified nor skipped: {listed(silent)}"

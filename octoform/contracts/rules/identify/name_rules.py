@@ -94,9 +94,11 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             unsaid = [word for word in missing(named, known) if _tells(word.casefold()) and is_proper(word, text)]
             if unsaid:
                 summary = f"no id database of this host has {', '.join(map(shown, unsaid))} for {shown(device['id'])}"
-                told = f"it has {shown(entry)}" if entry else "it does not know these numbers"
+                message = f"it has {shown(entry)}" if entry else "it does not know these numbers"
                 where = pointer("devices", index, "evidence", at, "says")
-                hint = f"{told}; write what follows from the quote, and name a database only for the words of its entry"
+                hint = (
+                    f"{message}; write what follows from the quote, and name a database only for the words of its entry"
+                )
                 out.append(error("IDENTIFY-SOURCE-FALSE", summary, pointer=where, hint=hint))
     return out
 
@@ -126,8 +128,8 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
     """The words of a name that neither the device reports nor a class bears out; of a line nothing follows, either."""
-    told = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
-    own = said([*_texts(probed), entry or "", *(text for text in told if _SOURCE.search(text))])
+    lines = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
+    own = said([*_texts(probed), entry or "", *(text for text in lines if _SOURCE.search(text))])
     own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
     follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
     ways, spelt = ways_of(probed), words(device["identified_as"])
@@ -157,9 +159,9 @@ def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, Json
     for index, device in enumerate(value["devices"]):
         known = probed.get(device["id"], {})
         verbatim = all(stands_in(evidence["quote"], known, artifacts) for evidence in device["evidence"] if known)
-        told = device["method"] != "profile" and (device["method"] != _ANSWER or device["id"] in artifacts.answers)
+        is_known = device["method"] != "profile" and (device["method"] != _ANSWER or device["id"] in artifacts.answers)
         foreign = is_foreign(device["identified_as"], device["id"], artifacts)
-        if device["confidence"] >= CLAIMED and told and verbatim and not foreign:
+        if device["confidence"] >= CLAIMED and is_known and verbatim and not foreign:
             yield index, device, known
 
 
@@ -203,11 +205,11 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
     head = words(_HEAD.split(name.strip(), maxsplit=1)[0] or name)
     own = cited | said(_texts(probed)) | _translated(device)
     own |= {"motor"} if {"stepper", "servo"} & own else set()
-    ways, told = ways_of(probed), _INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
+    ways, found = ways_of(probed), _INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
     return [
         word
         for word in missing([word for word in head if kind_of(word.casefold())], own | parts(own))
-        if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (told and kind_of(word.casefold()) in _INPUTS)
+        if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (found and kind_of(word.casefold()) in _INPUTS)
     ]
 
 
@@ -238,8 +240,8 @@ def _untold(
 
 def _translated(device: JsonObject) -> frozenset[str]:
     """The words of what is stated about a language or a meaning; a number is no translation."""
-    told = [evidence.get("says", "") for evidence in device["evidence"]]
-    return frozenset(word for word in said(text for text in told if says_language(text)) if not has_digit(word))
+    lines = [evidence.get("says", "") for evidence in device["evidence"]]
+    return frozenset(word for word in said(text for text in lines if says_language(text)) if not has_digit(word))
 
 
 def _speaks(probed: JsonObject) -> bool:
@@ -275,9 +277,9 @@ def _models(of: Iterable[str]) -> list[str]:
 def _own_words(probed: JsonObject, entry: str | None) -> str | None:
     """What would bear out a name: the device's own lines, and what the host's database reports of its numbers."""
     lines = str(probed.get("raw_descriptor", "")).splitlines()
-    told = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
-    told = [f"PROBE has {shown(line)}" for line in told[:4]]
-    return "\n".join([*told, *([f"the host's id database has {shown(entry)}"] if entry else [])]) or None
+    items = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
+    items = [f"PROBE has {shown(line)}" for line in items[:4]]
+    return "\n".join([*items, *([f"the host's id database has {shown(entry)}"] if entry else [])]) or None
 
 
 def _hint(method: str, entry: str | None, kinds: list[str]) -> str:

@@ -209,14 +209,14 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         raw = raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
-        said = [
+        lines = [
             name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
         ]
         if is_passthrough(tool["name"]):
             summary, where = f"the tool {shown(tool['name'])} is a raw pipe", pointer("tools", index, "name")
-        elif raw or said:
-            summary = f"the parameter {shown(raw or said[0])} of {shown(tool['name'])} takes anything"
-            where = pointer("tools", index, "input_schema", "properties", raw or said[0])
+        elif raw or lines:
+            summary = f"the parameter {shown(raw or lines[0])} of {shown(tool['name'])} takes anything"
+            where = pointer("tools", index, "input_schema", "properties", raw or lines[0])
         elif tool["input_schema"].get("additionalProperties") is True:
             summary = f"{shown(tool['name'])} takes parameters of any name"
             where = pointer("tools", index, "input_schema", "additionalProperties")
@@ -327,8 +327,8 @@ def _is_number(member: Mapping[str, Any]) -> bool:
 
 def _is_time(spoken: set[str], member: Mapping[str, Any]) -> bool:
     """True for a length of time; of a length in millimetres the words speak otherwise."""
-    told = set(tokens(str(member.get("description", ""))))
-    return bool(spoken & {"seconds", "secs", "duration", *_SECONDS} or told & {"seconds", "second", "s", "ms"})
+    names = set(tokens(str(member.get("description", ""))))
+    return bool(spoken & {"seconds", "secs", "duration", *_SECONDS} or names & {"seconds", "second", "s", "ms"})
 
 
 RULES = (

@@ -88,8 +88,8 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         elif _is_text(tool["output_schema"]):
             summary = f"the result of {shown(tool['name'])} is one text"
-            told = error if is_measured_name(tool["capability"]) else warning
-            out.append(told("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+            report = error if is_measured_name(tool["capability"]) else warning
+            out.append(report("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         else:
             for place, why in read_nothing(tool["capability"], tool["output_schema"]):
                 summary = f"the result of {shown(tool['name'])} {escaped(why)}"
@@ -169,8 +169,8 @@ def _said(form: "re.Pattern[str]", text: str, names: str) -> bool:
 def _names(artifacts: Artifacts) -> str:
     """What all devices are called, by themselves and by IDENTIFY."""
     found = [*(artifacts.identify or {}).get("devices", ()), *(artifacts.probe or {}).get("devices", ())]
-    told = (str(device.get(name, "")) for device in found for name in ("identified_as", "name", "raw_descriptor"))
-    return "\n".join(told).casefold()
+    lines = (str(device.get(name, "")) for device in found for name in ("identified_as", "name", "raw_descriptor"))
+    return "\n".join(lines).casefold()
 
 
 def _serials(artifacts: Artifacts) -> set[str]:
@@ -400,8 +400,8 @@ def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 def device_unaccounted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """Every device is served by a tool or omitted with a reason."""
-    told = _served(value) | {item["id"] for item in value["left_out"]}
-    silent = [name for name in _known(artifacts) if name not in told]
+    names = _served(value) | {item["id"] for item in value["left_out"]}
+    silent = [name for name in _known(artifacts) if name not in names]
     if not silent:
         return []
     summary = f"{len(silent)} devices are neither served by a tool nor skipped: {listed(silent)}"

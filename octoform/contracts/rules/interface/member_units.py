@@ -220,17 +220,17 @@ _MILLI_OF = re.compile(r"millidegrees? (?:c|celsius)\b")
 def _disagree(name: str, description: Any) -> bool:
     """Whether the description gives the number units, and that of its name is none of them."""
     text = _MILLI_OF.sub("millidegrees", description.casefold()) if isinstance(description, str) else ""
-    said = [word for word in re.findall(r"[a-z]+", text)]
+    lines = [word for word in re.findall(r"[a-z]+", text)]
     parts, last = tokens(name), name.casefold().rpartition("_")[2]
     for table in (_SIZES, _TIMES):
         if last in table:
-            other = {table[word] for word in said if word in table}
+            other = {table[word] for word in lines if word in table}
             return bool(other) and table[last] not in other
     letter = _LETTERS.get(last)
     own = _SCALED.get(last) or (letter[0] if letter and letter[1].intersection(parts) else unit_of_name(name))
     whole = unit_in(text)
-    told = {_SCALED[word] for word in said if word in _SCALED} | ({whole} if whole is not None else set())
-    return own is not None and bool(told) and own not in told
+    names = {_SCALED[word] for word in lines if word in _SCALED} | ({whole} if whole is not None else set())
+    return own is not None and bool(names) and own not in names
 
 
 def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -282,7 +282,7 @@ def measured_without_unit(
     """(place, name) of each number that is a quantity by its name and has no unit, at any depth."""
     if not isinstance(schema, Mapping):
         return
-    told = f"{said} {schema.get('description', '')}"
+    text = f"{said} {schema.get('description', '')}"
     members = schema.get("properties")
     if isinstance(members, Mapping):
         beside = any(set(tokens(str(name))) & _BESIDE for name in members)
@@ -292,14 +292,14 @@ def measured_without_unit(
                 not beside
                 and _is_number(member)
                 and _is_quantity(str(name))
-                and not _names_unit(str(name), member, told)
+                and not _names_unit(str(name), member, text)
             ):
                 yield place, str(name)
-            yield from measured_without_unit(member, place, told)
+            yield from measured_without_unit(member, place, text)
     for part in ("items", "additionalProperties"):
-        yield from measured_without_unit(schema.get(part), (*where, part), told)
+        yield from measured_without_unit(schema.get(part), (*where, part), text)
     for name, each in (schema.get("$defs") or {}).items() if isinstance(schema.get("$defs"), Mapping) else ():
-        yield from measured_without_unit(each, (*where, "$defs", str(name)), told)
+        yield from measured_without_unit(each, (*where, "$defs", str(name)), text)
 
 
 def _is_number(member: Any) -> bool:

@@ -60,8 +60,8 @@ def _parameters(schema: JsonObject, wanted: Mapping[str, Mapping[str, Any]]) -> 
     if {name: member.get("type") for name, member in has.items()} != {
         name: parameter["type"] for name, parameter in wanted.items()
     }:
-        told = ", ".join(f"{name}: {parameter['type']}" for name, parameter in wanted.items()) or "none"
-        return "has other parameters than the command", f"its parameters beside `device` are {told}"
+        text = ", ".join(f"{name}: {parameter['type']}" for name, parameter in wanted.items()) or "none"
+        return "has other parameters than the command", f"its parameters beside `device` are {text}"
     required = schema.get("required")
     needed = set(required) if isinstance(required, list) else set()
     for name, parameter in wanted.items():

@@ -403,22 +403,22 @@ def _names(tool: JsonObject) -> Mapping[str, Any]:
 
 
 def _problems(tool: JsonObject) -> Iterator[str]:
-    told = tool["units"]
-    names, stands, goal = told["names"], told.get("parameters", {}), told.get("goal", {})
+    found = tool["units"]
+    names, stands, goal = found["names"], found.get("parameters", {}), found.get("goal", {})
     properties = tool["input_schema"].get("properties")
     known = set(properties) if isinstance(properties, dict) else set()
-    if absent := sorted({*stands, *_given(told, "parameter"), *_given(goal, "parameter")} - known):
+    if absent := sorted({*stands, *_given(found, "parameter"), *_given(goal, "parameter")} - known):
         yield f"name {listed([shown(name) for name in absent])}, which is no parameter of it"
     if strange := sorted({*stands.values(), *goal.get("fixed", {})} - set(names)):
         yield f"do not list {listed([shown(name) for name in strange])} among their names"
     if unplaced := sorted(set(names) - set(goal["fixed"])) if goal.get("fixed") else []:
         yield f"have a pose without a place of {listed([shown(name) for name in unplaced])}"
     words = [word for name, others in names.items() for word in (name, *others)]
-    if reports := told.get("reports"):
+    if reports := found.get("reports"):
         yield from _unreported(tool, reports)
     if twice := sorted({word for word in words if words.count(word) > 1}):
         yield f"mean more than one by {listed([shown(word) for word in twice])}"
-    choices = (properties or {}).get(told.get("parameter"), {}).get("enum", ())
+    choices = (properties or {}).get(found.get("parameter"), {}).get("enum", ())
     if strange := sorted({str(word) for word in choices} - set(words)):
         yield f"do not define which one {listed([shown(word) for word in strange])} is"
 

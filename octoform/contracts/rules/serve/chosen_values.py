@@ -168,8 +168,8 @@ def _is_of_file(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bo
         parts: list[ast.expr] = [*belongs, *node.args] if method or PURE.fullmatch(name) else []
     else:
         parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
-    told = [item for item in parts if flow.of(item) & (Origin.READ | Origin.SYSTEM)]
-    return bool(told) and all(_is_of_file(source, flow, item, depth - 1) for item in told)
+    lines = [item for item in parts if flow.of(item) & (Origin.READ | Origin.SYSTEM)]
+    return bool(lines) and all(_is_of_file(source, flow, item, depth - 1) for item in lines)
 
 
 def _counts_files(source: Source, flow: Flow, node: ast.AST) -> bool:

@@ -118,9 +118,9 @@ class Kept:
             made = value if isinstance(value, ast.Call) else None
             if made is None or self._source.dotted(made.func).removesuffix("()").rpartition(".")[2] not in _CACHES:
                 continue
-            told = [self._flow.returned(each) for item in made.args for each in self._functions(item)]
-            told += [self._flow.of(item) for item in made.args]
-            if any(each & Origin.READ for each in told) and not self._is_cleared(node.id):
+            lines = [self._flow.returned(each) for item in made.args for each in self._functions(item)]
+            lines += [self._flow.of(item) for item in made.args]
+            if any(each & Origin.READ for each in lines) and not self._is_cleared(node.id):
                 return True
         return False
 
@@ -222,9 +222,9 @@ class Kept:
         """``if name in kept: return kept[name]`` before the store."""
         if not isinstance(statement, ast.If | ast.Try):
             return False
-        told = [statement.test] if isinstance(statement, ast.If) else []
+        lines = [statement.test] if isinstance(statement, ast.If) else []
         ends = [item for part in statement.body for item in walk(part) if isinstance(item, ast.Return)]
-        return any(self._mentions(item, cell) for item in (*told, *ends)) and bool(ends)
+        return any(self._mentions(item, cell) for item in (*lines, *ends)) and bool(ends)
 
     def _is_of_a_thread(self, function: Function, place: ast.AST) -> bool:
         """Whether a function that goes on by itself makes the store, so that no one knows when it was made."""
@@ -245,8 +245,8 @@ class Kept:
                 return True
             if isinstance(item, ast.Call) and self._source.dotted(item.func) in ("hasattr", "getattr"):
                 named = item.args[1] if len(item.args) > 1 else None
-                told = str(named.value) if isinstance(named, ast.Constant) else ""
-                if isinstance(item.args[0], ast.Name) and item.args[0].id in SELF and told == cell[1]:
+                text = str(named.value) if isinstance(named, ast.Constant) else ""
+                if isinstance(item.args[0], ast.Name) and item.args[0].id in SELF and text == cell[1]:
                     return True
             if isinstance(item, ast.Name) and any(self._is_of(each, cell) for each in self._flow.plain(item)):
                 return True

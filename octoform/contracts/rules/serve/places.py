@@ -29,13 +29,13 @@ _BY_NUMBER = frozenset({"VideoCapture", "SMBus", "SpiDev", "I2C", "SPI", "Picame
 
 def literal_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
     """Where a place is written down, each with what is wrong with it."""
-    told: set[ast.AST] = set()
+    names: set[ast.AST] = set()
     for node in source.nodes:
-        if not isinstance(node, _TEXTS) or (told and told & _upwards(source, node)):
+        if not isinstance(node, _TEXTS) or (names and names & _upwards(source, node)):
             continue
         text = folded(source, flow, node)
         if text is not None and _is_place(source, node, text):
-            told.add(node)
+            names.add(node)
             written = text.replace(_UNKNOWN, "*")
             yield node, f"{shown(written)} is where a device was when this was written"
     for call, name in source.calls:

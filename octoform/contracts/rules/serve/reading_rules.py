@@ -230,7 +230,7 @@ def _comes_from_there(
     if tool["effect"] != "read":
         touched = any(flow.of(call) & Origin.READ for call, _ in source.calls if source.owner(call) in used)
         return touched or elsewhere
-    told = Origin.NONE
+    result = Origin.NONE
     for function in roots:
-        told |= flow.returned(function)
-    return bool(told & Origin.READ) or (bool(told & Origin.SYSTEM) and (found or elsewhere))
+        result |= flow.returned(function)
+    return bool(result & Origin.READ) or (bool(result & Origin.SYSTEM) and (found or elsewhere))

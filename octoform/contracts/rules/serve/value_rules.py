@@ -67,10 +67,10 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
         units = dict(_numbers(tool.get("output_schema") or {}))
-        told = Origin.NONE
+        found = Origin.NONE
         for function in roots:
-            told |= flow.returned(function)
-        if tool["effect"] != "read" or not units or not told & (Origin.READ | Origin.SYSTEM):
+            found |= flow.returned(function)
+        if tool["effect"] != "read" or not units or not found & (Origin.READ | Origin.SYSTEM):
             continue
         used = source.entered_from(roots)
         given = [each for each in stored if each[1] in units and source.owner(each[0]) in used]
@@ -405,12 +405,12 @@ def _says_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
     broad = any(item is None or last(item) in _BROAD for item in kinds)
     parts = list(walk(node))
     lists = [item for item in parts if isinstance(item, ast.List)]
-    told = any(isinstance(item, ast.Name) and item.id == handler.name for item in parts)
-    told = told or any(
+    is_known = any(isinstance(item, ast.Name) and item.id == handler.name for item in parts)
+    is_known = is_known or any(
         isinstance(item, ast.Constant) and isinstance(item.value, str) and " " in item.value for item in parts
     )
     record = isinstance(node.value, ast.Call | ast.Dict)
-    return broad and record and bool(lists) and not any(item.elts for item in lists) and not told
+    return broad and record and bool(lists) and not any(item.elts for item in lists) and not is_known
 
 
 def _is_optional(node: ast.expr) -> bool:

@@ -252,9 +252,9 @@ def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
     if kinds and all(last(item) in _OF_VALUES for item in kinds):
         return False
     inside = [item for part in handler.body for item in walk(part)]
-    told = any(isinstance(item, ast.Name) and item.id == handler.name for item in inside)
+    is_known = any(isinstance(item, ast.Name) and item.id == handler.name for item in inside)
     returns = any(isinstance(item, ast.Return) and item.value is not None for item in inside)
-    return returns and not told and not any(isinstance(item, ast.Raise) for item in inside)
+    return returns and not is_known and not any(isinstance(item, ast.Raise) for item in inside)
 
 
 def _acts(node: ast.AST, has_units: bool) -> str | None:
@@ -344,12 +344,12 @@ def _opens_to_write(
     source: Source, flow: Flow, call: ast.Call, path: ast.expr | None, positional: list[ast.expr]
 ) -> bool:
     mode = next((item.value for item in call.keywords if item.arg == "mode"), positional[0] if positional else None)
-    said = folded(source, flow, mode) if mode is not None else None
-    if path is None or said is None:
+    found = folded(source, flow, mode) if mode is not None else None
+    if path is None or found is None:
         return False
-    if not set(said) <= set("rwxabt+U") or is_temporary(source, path, call):
+    if not set(found) <= set("rwxabt+U") or is_temporary(source, path, call):
         return False
-    return bool(set(said) & set("wxa")) or ("+" in said and not is_node_path(source, path, call))
+    return bool(set(found) & set("wxa")) or ("+" in found and not is_node_path(source, path, call))
 
 
 def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:

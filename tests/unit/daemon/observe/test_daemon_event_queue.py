@@ -162,13 +162,13 @@ def test_a_burst_comes_as_one_and_a_talkative_log_seldom(sources: EventSources, 
         (layout.committed / f"file{number}").write_text("x")
     assert sources.wait(AT_MOST) == {Cause.FILES}
     assert sources.wait(0.0) == frozenset()
-    told = 0
+    found = 0
     end = time.monotonic() + 0.5
     while (left := end - time.monotonic()) > 0:
         with layout.call_log.open("a") as log:
             log.write("{}\n")
-        told += Cause.LOG in sources.wait(min(left, 0.02))
-    assert told == 1
+        found += Cause.LOG in sources.wait(min(left, 0.02))
+    assert found == 1
 
 
 def test_hardware_of_a_tree_is_told_also_on_a_bus_that_was_not_there(sources: EventSources, tmp_path: Path) -> None:
@@ -254,8 +254,8 @@ def test_a_process_is_asked_every_few_seconds(child: subprocess.Popen[bytes]) ->
     clock = Clock()
     sources = timed(clock)
     sources.follow(facts(running(child)))
-    told = [sources.wait(None) for _ in range(100)]
-    assert told == [frozenset((Cause.PING,))] * 99 + [frozenset((Cause.PING, Cause.INTERVAL))]
+    lines = [sources.wait(None) for _ in range(100)]
+    assert lines == [frozenset((Cause.PING,))] * 99 + [frozenset((Cause.PING, Cause.INTERVAL))]
     sources.close()
 
 

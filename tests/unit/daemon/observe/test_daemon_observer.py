@@ -280,8 +280,8 @@ def test_the_lock_of_another_container_counts_only_while_the_kernel_keeps_it(tmp
     acquired = acquire(layout, "apply")
     assert acquired.lock is not None
     with acquired.lock:
-        told = json.loads(layout.lock.read_bytes())
-        hidden = json.dumps({**told, "namespace": "pid:[1]"})
+        found = json.loads(layout.lock.read_bytes())
+        hidden = json.dumps({**found, "namespace": "pid:[1]"})
         layout.lock.write_text(hidden)
         assert busy(layout) == "apply"
     layout.lock.write_text(hidden)  # its process was killed: nobody took the file away

@@ -76,9 +76,9 @@ def test_what_cannot_be_watched_is_looked_at_every_few_seconds_and_told(
     full += ["/log", "/serve"]
     sources = opened(layout, tmp_path)
     assert sources.unwatched.hear() == {Cause.LOG, Cause.FILES}
-    told = sources.unwatched.told()
-    assert told is not None and told.code == "DAEMON-FEW-WATCHES"
-    assert told.summary.startswith(f"2 folders are looked at every {LOOK_SECONDS:g} s")
+    found = sources.unwatched.told()
+    assert found is not None and found.code == "DAEMON-FEW-WATCHES"
+    assert found.summary.startswith(f"2 folders are looked at every {LOOK_SECONDS:g} s")
     full.clear()
     (layout.daemon / "asked.json").write_text("{}")  # whatever is heard, the list is brought up to date
     sources.wait(1.0)

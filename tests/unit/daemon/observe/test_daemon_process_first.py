@@ -60,8 +60,8 @@ def layout(tmp_path: Path, endpoint: subprocess.Popen[bytes]) -> Layout:
         time.sleep(0.001)
     argv = [word.decode() for word in words.split(b"\0")[:-1]]
     record = {"pid": endpoint.pid, "start": start_of(endpoint.pid), "argv": argv, "instance": "one"}
-    told = {"boot": myself().boot_id, "since": "2026-11-22T12:00:00Z", "scope": "local", "url": None}
-    (layout.run / "process.json").write_text(json.dumps({**record, **told}))
+    fields = {"boot": myself().boot_id, "since": "2026-11-22T12:00:00Z", "scope": "local", "url": None}
+    (layout.run / "process.json").write_text(json.dumps({**record, **fields}))
     return layout
 
 
@@ -96,8 +96,8 @@ def test_nobody_waits_for_the_runtime_once_the_process_has_ended(
 
 def test_a_runtime_that_answers_and_one_that_fails(layout: Layout) -> None:
     process = served(layout)
-    told = {DEVICE: {"attached": True, "sysfs": "/sys/devices/usb1/1-5"}}
-    assert Asked(layout, {}, answering(attached=True))([DEVICE], process) == told
+    fields = {DEVICE: {"attached": True, "sysfs": "/sys/devices/usb1/1-5"}}
+    assert Asked(layout, {}, answering(attached=True))([DEVICE], process) == fields
     assert Asked(layout, {}, ("false",))([DEVICE], process) is None
     assert Asked(layout, {}, ("/nowhere",))([DEVICE], process) is None
 

@@ -72,8 +72,8 @@ def test_each_repair_is_a_job_of_the_child_with_what_it_needs() -> None:
 def test_a_result_is_believed_only_where_it_says_so() -> None:
     assert not done({}).ok and done({}).again
     assert not done({"ok": "yes"}).ok
-    told = done({"ok": False, "again": False, "detail": "x", "spent": {"calls": 2, "input_tokens": None, "usd": None}})
-    assert (told.again, told.spent.calls, told.spent.input_tokens, told.spent.usd) == (False, 2, 0, None)
+    found = done({"ok": False, "again": False, "detail": "x", "spent": {"calls": 2, "input_tokens": None, "usd": None}})
+    assert (found.again, found.spent.calls, found.spent.input_tokens, found.spent.usd) == (False, 2, 0, None)
 
 
 def test_room_is_made_of_what_can_be_made_again_until_there_is_enough(
@@ -180,10 +180,10 @@ def test_a_device_that_this_machine_does_not_know_is_for_a_person(layout: Layout
 
 
 def test_the_endpoint_is_started_again_without_a_child_where_the_daemon_does_it_itself() -> None:
-    told: list[bool] = []
+    lines: list[bool] = []
 
     def restarted(hung: bool) -> Done:
-        told.append(hung)
+        lines.append(hung)
         return Done(True, "process 7 serves it")
 
     def run(job: str, brief: Mapping[str, Any], seconds: float) -> dict[str, Any]:
@@ -192,4 +192,4 @@ def test_the_endpoint_is_started_again_without_a_child_where_the_daemon_does_it_
     repairs = Repairs("bench", run, "ask", restarted)
     for kind in (Kind.PROCESS_DEAD, Kind.PROCESS_HUNG):
         assert repairs(finding(kind, "endpoint", Repair.RESTART), Repair.RESTART).ok
-    assert told == [False, True]
+    assert lines == [False, True]

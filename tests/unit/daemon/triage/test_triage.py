@@ -322,8 +322,8 @@ def test_an_agent_does_not_restart_what_is_seen_to_run() -> None:
 
 
 def test_every_kind_is_judged_somewhere() -> None:
-    told = {each[1] for each in ONE} | {Kind.CRASH_LOOP, Kind.DEVICE_BACK, Kind.PICTURE_ODD, Kind.UNCOVERED}
-    assert told == set(Kind)
+    names = {each[1] for each in ONE} | {Kind.CRASH_LOOP, Kind.DEVICE_BACK, Kind.PICTURE_ODD, Kind.UNCOVERED}
+    assert names == set(Kind)
     assert {each.value for each in FaultClass} >= {word for word, *_ in CLASSES[:-1]}
 
 
