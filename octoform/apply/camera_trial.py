@@ -59,11 +59,11 @@ def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") ->
     if seen[0] is not None and seen[1] is not None:
         tried.noise = difference(seen[0], seen[1])
         if repeated(seen[0], seen[1]):
-            _stands_still(bench, tried, camera, where)
+            _require_still(bench, tried, camera, where)
     return tried
 
 
-def _stands_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: str) -> None:
+def _require_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: str) -> None:
     """Tell a frozen camera from one that cannot be determined, by further pictures."""
     began, first, count = bench.clock.monotonic(), None, 0
     while count < FROZEN_PICTURES or bench.clock.monotonic() - began < FROZEN_SECONDS:

@@ -36,7 +36,7 @@ LEAST_SECONDS = 0.1
 
 
 @dataclass(slots=True)
-class Purse:
+class Budget:
     """What was spent in this run: US dollars by stage, attempts and seconds by stage and role.
 
     A stage that a later one sends back goes on with what its budget has left: it is one stage of one run. ``until`` is
@@ -103,7 +103,7 @@ class Context:
     clock: Clock
     checkpoint: Checkpoint = pass_by
     donors: Callable[[], Donors] = dict
-    purse: Purse = field(default_factory=Purse)
+    purse: Budget = field(default_factory=Budget)
     steps: Mapping[str, Step] = field(default_factory=dict)
 
 

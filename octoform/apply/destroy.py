@@ -4,7 +4,7 @@ from octoform import events
 from octoform.apply.context import Context, Tally
 from octoform.base.files import remove_tree
 from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.estop import is_engaged
 from octoform.endpoint.process.systemd import is_ours, unit_path
 from octoform.endpoint.publication import remove, stopped_devices
 from octoform.plan.model import Action, Plan
@@ -47,7 +47,7 @@ def take_away(context: Context, node: str) -> list[Diagnostic]:
 def left_behind(layout: Layout) -> list[Diagnostic]:
     """What an endpoint that was taken away leaves, and a person should know of: its emergency stop, its service."""
     found = []
-    if is_latched(layout):
+    if is_engaged(layout):
         found.append(
             warning(
                 "DESTROY-ESTOP-KEPT",

@@ -212,18 +212,18 @@ def _timed(logs: Logs, now: float) -> list[Line]:
 
 def sliced(lines: Sequence[Line], secrets: Mapping[str, str], completion: Completion | None = None) -> LogSlice:
     """The slice of these lines, which are in order."""
-    troubles = _distinct([line for line in lines if is_trouble(line)], secrets)
+    troubles = _distinct([line for line in lines if is_problem(line)], secrets)
     errors, unsaid = _fitting(troubles, ERROR_BYTES)
-    others = [line.text for line in lines if not is_trouble(line)]
+    others = [line.text for line in lines if not is_problem(line)]
     head = _headed("errors, the newest last", errors, unsaid)
     room = LOG_BYTES - len(head.encode()) - 200
-    newest, older = _fitting(others, room, lambda text: _shown(text, secrets))
+    newest, older = _fitting(others, room, lambda text: _redacted(text, secrets))
     if not older or completion is None:
         return LogSlice(_bounded(head + _headed("newest lines", newest, older)))
-    return _condensed(head, [_shown(text, secrets) for text in others], completion)
+    return _condensed(head, [_redacted(text, secrets) for text in others], completion)
 
 
-def is_trouble(line: Line) -> bool:
+def is_problem(line: Line) -> bool:
     """Whether a line shows something that failed."""
     record = line.record
     if line.log == CALLS and record is not None and record.get("event") in ("call", "result"):
@@ -250,7 +250,7 @@ def _distinct(lines: Iterable[Line], secrets: Mapping[str, str]) -> list[str]:
     last: dict[str, str] = {}
     count: dict[str, int] = {}
     for line in lines:
-        text = _shown(line.text, secrets)
+        text = _redacted(line.text, secrets)
         key = _VARIES.sub("#", text)
         count[key] = count.get(key, 0) + 1
         last.pop(key, None)
@@ -258,7 +258,7 @@ def _distinct(lines: Iterable[Line], secrets: Mapping[str, str]) -> list[str]:
     return [f"{text} ({count[key]} times)" if count[key] > 1 else text for key, text in last.items()]
 
 
-def _shown(text: str, secrets: Mapping[str, str]) -> str:
+def _redacted(text: str, secrets: Mapping[str, str]) -> str:
     flat = escaped(redacted(text, secrets).rstrip(), "\t")
     return flat if len(flat) <= LINE_CHARACTERS else flat[: LINE_CHARACTERS - 1] + "…"
 
@@ -300,7 +300,7 @@ MOST_BYTES = 8 << 20
 
 
 @dataclass(frozen=True, slots=True)
-class Beheld:
+class CameraFrames:
     """``frames`` as the input lists them, ``files`` by name, ``reason`` why there is no picture (None: there is).
 
     ``summary`` are a few lines about all looks until now, at most 3 KB; None where no one looked.
@@ -317,15 +317,15 @@ class Beheld:
         return {"available": bool(self.frames), "reason": self.reason, "summary": self.summary}
 
 
-def beheld(layout: Layout, settings: Perception, readings: Sequence[Mapping[str, Any]]) -> Beheld:
+def camera_frames(layout: Layout, settings: Perception, readings: Sequence[Mapping[str, Any]]) -> CameraFrames:
     """The pictures of the last looks, where ``readings`` (rows of an input, oldest first) tell of them."""
     if not settings.enabled:
-        return Beheld(reason="perception is off: no one looks through a camera")
+        return CameraFrames(reason="perception is off: no one looks through a camera")
     record, _ = read(layout)
     reason = _absent(record)
     summary = words(record) if record is not None else None
     if record is None or record.current is None or reason is not None:
-        return Beheld(reason=reason, summary=summary)
+        return CameraFrames(reason=reason, summary=summary)
     seen = [row for row in readings if row["channel"] == FRAME and row["path"] == TROUBLE]
     frames, files = [], {}
     for frame, row in zip((record.current, record.previous), reversed(seen), strict=False):
@@ -337,8 +337,8 @@ def beheld(layout: Layout, settings: Perception, readings: Sequence[Mapping[str,
         frames.append({"reading": row["id"], "file": frame.file})
         files[frame.file] = data
     if not frames:
-        return Beheld(reason="no current reading belongs to the picture that is kept", summary=summary)
-    return Beheld(tuple(frames), files, summary=summary)
+        return CameraFrames(reason="no current reading belongs to the picture that is kept", summary=summary)
+    return CameraFrames(tuple(frames), files, summary=summary)
 
 
 def _absent(record: Record | None) -> str | None:
@@ -349,4 +349,4 @@ def _absent(record: Record | None) -> str | None:
     current: Frame | None = record.current
     if current is None:
         return "there is no picture"
-    return f"the picture shows nothing: it is {current.trouble}" if current.trouble else None
+    return f"the picture shows nothing: it is {current.problem}" if current.problem else None

@@ -34,7 +34,7 @@ class DutyOutcome:
     calls: int = 0
     usage: Usage = field(default_factory=Usage)
 
-    def told(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, Any]:
         """As JSON."""
         usage = self.usage
         spent = {

@@ -86,7 +86,7 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             if (
                 returns[way.judge] >= way.most
                 or way.maker not in made
-                or not _mended(context, action, tally, way, made)
+                or not _restored(context, action, tally, way, made)
             ):
                 break
             returns[way.judge] += 1
@@ -107,7 +107,7 @@ def _take_away(context: Context, node: str, tally: Tally) -> None:
         tally.destroyed += 1
 
 
-def _mended(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> bool:
+def _restored(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> bool:
     """Whether what failed is an earlier stage's to fix; then that has run again, and the failed node after it."""
     failed = sent_back(context, tally.failed, tally.diagnostics)
     if failed is None:
@@ -187,7 +187,7 @@ def _output(context: Context, node: Node) -> str | None:
 
 def _run(context: Context, node: Node, action: PlannedAction, again: _Again | None) -> Finished:
     if node.kind is NodeKind.ENDPOINT:
-        return run_endpoint(context, anew=action.action is Action.REPLACE)
+        return run_endpoint(context, again=action.action is Action.REPLACE)
     if node.kind is NodeKind.STEP:
         # Imported here: most manifests name no step, and to load its trials and cameras takes long.
         from octoform.apply.privileged_step import run_step

@@ -223,7 +223,7 @@ def _undoing(watch: Watch, path: Path, found: list[Diagnostic]) -> Iterator[None
     try:
         yield
     except OSError as problem:
-        found.append(_stands(watch, path, problem))
+        found.append(_not_removed(watch, path, problem))
 
 
 def _reopened(watch: Watch) -> list[Diagnostic]:
@@ -375,7 +375,7 @@ def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
     return copy
 
 
-def _stands(watch: Watch, path: Path, problem: OSError) -> Diagnostic:
+def _not_removed(watch: Watch, path: Path, problem: OSError) -> Diagnostic:
     how = "`lsattr` shows whether it was made immutable (`chattr -i` ends that)"
     if problem.errno == errno.EBUSY:
         how = "`findmnt` shows what was mounted there (`umount` ends that)"

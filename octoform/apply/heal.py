@@ -17,25 +17,25 @@ from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.apply.rewrite.review import Reach, objections, reach_of
-from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, shown
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, display
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Judge, Prove
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
-from octoform.apply.watch import ALL, Given, assignment, calls_of, judge_of, paid, told_log
+from octoform.apply.watch import ALL, Given, assignment, calls_of, judge_of, log_excerpt, paid
 from octoform.base import digest
-from octoform.base.escaping import shown as shown_text
+from octoform.base.escaping import display as shown_text
 from octoform.base.files import move, read_plain, record
 from octoform.base.files import parse as parse_json
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.report_context import told_devices, told_tools
+from octoform.contracts.report_context import device_facts, tool_facts
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client.check import CheckReport, TrialCall, judge_check
+from octoform.endpoint.client.check import CheckReport, SampleCallResult, judge_check
 from octoform.endpoint.client.check import check as check_endpoint
-from octoform.endpoint.expected_tools import shown as promised
+from octoform.endpoint.expected_tools import display as promised
 from octoform.endpoint.process import estop
 from octoform.harness.port import Task
 from octoform.records import dataclass
@@ -115,17 +115,17 @@ def _path(layout: Layout, episode: str) -> Path:
 HINT = "the accepted server stays in service; octoform attempts -stage heal shows what was tried"
 
 
-def no_worse(before: CheckReport, mended: frozenset[str]) -> CheckJudge:
+def no_worse(before: CheckReport, repaired: frozenset[str]) -> CheckJudge:
     """For a candidate: what worked ``before`` works, and the tools that it was to fix answer where they are tried."""
     failed = {(call.tool, call.device) for call in before.calls if _failed(call)}
     worked = {(call.tool, call.device) for call in before.calls if call.ok}
 
     def judge(report: CheckReport, interface: Mapping[str, Any]) -> list[Diagnostic]:
-        still = {(tool, device) for tool, device in failed if tool not in mended}
+        still = {(tool, device) for tool, device in failed if tool not in repaired}
         calls = tuple(call for call in report.calls if (call.tool, call.device) not in still)
         found = judge_check(replace(report, calls=calls), interface)
         for call in calls:
-            if _failed(call) and call.tool in mended:
+            if _failed(call) and call.tool in repaired:
                 found.append(_problem("HEAL-NOT-HELPED", f"{shown_text(call.tool)} still fails", call))
             elif _failed(call) and (call.tool, call.device) in worked:
                 found.append(_problem("HEAL-WORSE", f"{shown_text(call.tool)} worked before and fails now", call))
@@ -134,11 +134,11 @@ def no_worse(before: CheckReport, mended: frozenset[str]) -> CheckJudge:
     return judge
 
 
-def _failed(call: TrialCall) -> bool:
+def _failed(call: SampleCallResult) -> bool:
     return call.skipped is None and not call.ok
 
 
-def _problem(code: str, summary: str, call: TrialCall) -> Diagnostic:
+def _problem(code: str, summary: str, call: SampleCallResult) -> Diagnostic:
     text = f"{call.error_class}: {call.message}" if call.message else call.error_class
     return error(code, f"with the rewritten server {summary}", detail=text, hint=HINT)
 
@@ -263,7 +263,7 @@ def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> Du
 
 def _stopped(context: Context) -> list[Diagnostic]:
     """Why nothing is tried or exchanged now: a person has pulled the brake while the agent was thinking."""
-    if not estop.is_latched(context.layout):
+    if not estop.is_engaged(context.layout):
         return []
     hint = "octoform estop -clear opens it; the repair is tried again then"
     return [error("HEAL-ESTOPPED", "an emergency stop was given while the repair was made", hint=hint)]
@@ -281,9 +281,9 @@ def _case(context: Context, brief: Mapping[str, Any]) -> Case:
 
 def _given(context: Context, case: Case, brief: Mapping[str, Any]) -> Given:
     interface = case.known.interface or {"tools": []}
-    log = told_log(context, brief)
-    devices = told_devices(interface, case.known.identify)
-    tool = next((item for item in told_tools(interface) if item["name"] == case.tool), None)
+    log = log_excerpt(context, brief)
+    devices = device_facts(interface, case.known.identify)
+    tool = next((item for item in tool_facts(interface) if item["name"] == case.tool), None)
     wanted = str(case.error.get("device") or "").partition("/")[0] or next(iter(tool["devices"] if tool else ()), "")
     document = {
         "format": 1,
@@ -331,7 +331,7 @@ def _rewritten(
     context: Context, task: Task, case: Case, value: Mapping[str, Any]
 ) -> tuple[str | None, list[Diagnostic]]:
     """The rewritten server, or what is wrong with it as a string."""
-    path, known = shown(task.workdir / SERVER), case.known
+    path, known = display(task.workdir / SERVER), case.known
     data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
     if data is None:
         return None, [error("ARTIFACT-LINK", "the rewritten server is not a separate plain file", path=path)]

@@ -16,7 +16,7 @@ from octoform.apply.context import Context
 from octoform.apply.reading_trial import Bench, Tried, by_reading
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.scope import beyond, others, own_tools
-from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, fresh, read_value, shown
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, display, fresh, read_value
 from octoform.apply.stage.artifact_writer import counted, text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
@@ -61,7 +61,7 @@ def judge_of(known: Artifacts) -> Judge:
         value, found = read_value(task, data)
         if value is None:
             return None, found
-        found += check(task.stage, value, known, context.schemas, shown(task.output))
+        found += check(task.stage, value, known, context.schemas, display(task.output))
         if has_errors(found) or value["server"] is None:
             return Proposal(value, None), found
         text, more = _rewritten(context, task, known, value)
@@ -82,7 +82,9 @@ def prove_of(step: Step, known: Artifacts, hand: Callable[[Context], Hand] | Non
         means = hand(context) if hand is not None else LiveHand(context.layout)
         bench = Bench(step.proof, means, tools, context.clock, fresh(task.workdir / PICTURES))
         tried = list(carried_out(context, step, bench, proposal.value))
-        problem = write_atomic(task.workdir / TRIALS, text_of({"format": 1, "trials": [one.told() for one in tried]}))
+        problem = write_atomic(
+            task.workdir / TRIALS, text_of({"format": 1, "trials": [one.to_document() for one in tried]})
+        )
         found = [*found, *([problem] if problem is not None else []), *(item for one in tried for item in one.found)]
         if has_errors(found):
             return Verdict((*found, *promotion.put_back(context)))
@@ -96,7 +98,7 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
     if value["camera"] is not None:
         context.emit(events.Checking(step.node, f"looking through {value['camera']['device']}"))
         one = by_frame(bench, value["camera"])
-        context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), told(step, one)))
+        context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), describe(step, one)))
         yield one
         return
     way = by_reading if step.proof.kind == READING else by_view
@@ -111,13 +113,13 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
                 pointer("trials", index),
                 hint=hint,
             )
-        context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), told(step, one)))
+        context.emit(events.StepTried(step.node, one.unit, not has_errors(one.found), describe(step, one)))
         yield one
         if one.over:
             return
 
 
-def told(step: Step, tried: Tried) -> str:
+def describe(step: Step, tried: Tried) -> str:
     """What a test showed, on one line: the readings, the differences of the pictures, or why there is nothing."""
     if has_errors(tried.found):
         return next(item.summary for item in tried.found if item.severity == "error")
@@ -133,7 +135,7 @@ def _rewritten(
     context: Context, task: Task, known: Artifacts, value: Mapping[str, Any]
 ) -> tuple[str | None, list[Diagnostic]]:
     """The rewritten server, or what is wrong with it; None when it is the accepted one, byte for byte."""
-    path = shown(task.workdir / SERVER)
+    path = display(task.workdir / SERVER)
     data = read_plain(task.workdir / SERVER, MAX_SOURCE_BYTES + 1)
     if data is None:
         return None, [error("ARTIFACT-LINK", "the rewritten server is not a separate plain file", path=path)]
@@ -157,7 +159,7 @@ def _accepted(context: Context, step: Step, proposal: Proposal, tried: list[Trie
     text = counted(len(value["trials"]), "unit") + " moved" if value["trials"] else f"camera {tried[0].unit}"
     text += f", {len(value['skipped'])} skipped" if value["skipped"] else ""
     text += ", with a rewritten server" if proposal.server is not None else ""
-    trials = [{name: part for name, part in one.told().items() if name != "readings"} for one in tried]
+    trials = [{name: part for name, part in one.to_document().items() if name != "readings"} for one in tried]
     return Verdict(
         diagnostics=tuple(found),
         value=value,

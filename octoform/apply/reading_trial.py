@@ -62,7 +62,7 @@ class Tried:
     restored: bool = False
     over: bool = False
 
-    def told(self) -> dict[str, Any]:
+    def to_document(self) -> dict[str, Any]:
         """The test as it is recorded: what was found by its codes, and nothing that was not measured."""
         record = {name: value for name, value in asdict(self).items() if value not in (None, [], False)}
         return {**record, "found": [item.code for item in self.found]}
@@ -269,14 +269,14 @@ class _ByReading(Mover):
     def _is_still(self, before: float | None, after: float | None) -> bool:
         return before is not None and after is not None and abs(after - before) < self.bench.proof.minimum
 
-    def _stuck(self, before: float | None, after: float | None, said: str, first: str = "") -> None:
+    def _stuck(self, before: float | None, after: float | None, message: str, first: str = "") -> None:
         proof, tried = self.bench.proof, self.tried
         self.tried.blame(
             "STEP-NOT-MOVED",
             f"{tried.unit} did not move: {before:g} {proof.unit} before, goal {tried.goal:g}, {after:g} after; "
             f"at least {proof.minimum:g} were wanted",
             self.where,
-            said,
+            message,
             f"{first}look at its power, its cable, its torque and at what blocks it; a unit that is known to be broken "
             "is named as disabled in the profile's rig",
         )

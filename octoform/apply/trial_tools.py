@@ -9,7 +9,7 @@ from typing import Any, Protocol
 
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client.terminal import Nobody, Wanted, call
+from octoform.endpoint.client.terminal import NoTerminal, Wanted, call
 from octoform.perception.capture import Picture, take
 from octoform.records import dataclass
 from octoform.state.layout import Layout
@@ -52,7 +52,7 @@ class Hand(Protocol):
         """Take a picture by ``{"tool", "arguments"}``; never raises for what comes of it."""
 
 
-class _Beforehand(Nobody):
+class _Beforehand(NoTerminal):
     """The person who has switched the step on: asked by the endpoint, they have said yes."""
 
     def approves(self, *_: object) -> bool | None:
@@ -135,8 +135,8 @@ class Restoring:
         self.done = self._last == self._first
         if self.done:
             return None
-        now = "unknown" if self._last is None else shown(self._last)
-        return f"{self._place} was {shown(self._first)} before the hardware test, is {now} now, and stays so"
+        now = "unknown" if self._last is None else display(self._last)
+        return f"{self._place} was {display(self._first)} before the hardware test, is {now} now, and stays so"
 
     @property
     def _place(self) -> str:
@@ -173,6 +173,6 @@ def fitting(value: Value, tool: Mapping[str, Any], parameter: str) -> Value:
     return round(value) if "integer" in kinds else value + 0
 
 
-def shown(value: Value) -> str:
+def display(value: Value) -> str:
     """A value in a sentence: ``0``, ``2.5``, ``true``."""
     return str(value).lower() if isinstance(value, bool) else f"{value:g}"

@@ -12,15 +12,15 @@ from typing import Any
 from octoform import events
 from octoform.apply import duty_input
 from octoform.apply.context import Context
-from octoform.apply.duty_input import LogSlice, beheld, slice_of
+from octoform.apply.duty_input import LogSlice, camera_frames, slice_of
 from octoform.apply.duty_outcome import DutyOutcome, refusal
-from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, read_value, shown
+from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, display, read_value
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.report_context import DutyFacts, told_devices, told_tools
+from octoform.contracts.report_context import DutyFacts, device_facts, tool_facts
 from octoform.diagnostics import Diagnostic
 from octoform.harness.containment import agent_environment
 from octoform.harness.llm.completion import LiteLLMCompletion
@@ -93,7 +93,7 @@ def judge_of(known: Artifacts, given: Given) -> Judge:
         value, found = read_value(task, data)
         if value is None:
             return None, found
-        return value, found + check(task.stage, value, held, context.schemas, shown(task.output))
+        return value, found + check(task.stage, value, held, context.schemas, display(task.output))
 
     return judge
 
@@ -104,7 +104,7 @@ def calls_of(brief: Mapping[str, Any]) -> int | None:
     return max(1, calls) if isinstance(calls, int) and not isinstance(calls, bool) else None
 
 
-def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
+def log_excerpt(context: Context, brief: Mapping[str, Any]) -> LogSlice:
     """The slice of the logs; summed up by a model only where the manifest has one for housekeeping."""
     manifest = context.manifest
     secrets = agent_environment.secrets(context.environ, manifest.variables)
@@ -118,8 +118,8 @@ def told_log(context: Context, brief: Mapping[str, Any]) -> LogSlice:
 
 def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Given:
     readings = duty_input.readings_of(brief)
-    log = told_log(context, brief)
-    seen = beheld(context.layout, context.manifest.perception, readings)
+    log = log_excerpt(context, brief)
+    seen = camera_frames(context.layout, context.manifest.perception, readings)
     interface = known.interface or {"tools": []}
     document = {
         "format": 1,
@@ -130,8 +130,8 @@ def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Give
         "log": log.text,
         "claims": duty_input.claims_of(brief),
         "summary": duty_input.summary_of(brief),
-        "devices": told_devices(interface, known.identify),
-        "tools": told_tools(interface),
+        "devices": device_facts(interface, known.identify),
+        "tools": tool_facts(interface),
         "frames": [dict(frame) for frame in seen.frames],
         "perception": seen.perception,
     }

@@ -54,7 +54,7 @@ def flattened(text: str) -> str:
     return "".join((" " if item == "\t" else "\ufffd") if is_hidden(item) else item for item in text)
 
 
-def shown(value: object, limit: int = 80) -> str:
+def display(value: object, limit: int = 80) -> str:
     """``value`` as one quoted line of at most about ``limit`` characters, fit for a terminal."""
     text = value if isinstance(value, str) else str(value)
     cut = text if len(text) <= limit else text[: limit - 3] + "..."
@@ -63,5 +63,5 @@ def shown(value: object, limit: int = 80) -> str:
 
 def listed(values: list[str], limit: int = 5) -> str:
     """``'a', 'b' and 3 more``: the first few of them, each through `shown`."""
-    first = ", ".join(shown(item) for item in values[:limit])
+    first = ", ".join(display(item) for item in values[:limit])
     return first if len(values) <= limit else f"{first} and {len(values) - limit} more"

@@ -151,11 +151,11 @@ def private_folder(path: Path) -> Path:
     return path
 
 
-def walk(top: Path, deepest: int = DEEPEST) -> Iterator[tuple[Path, list[str], list[str]]]:
+def walk(top: Path, max_depth: int = DEEPEST) -> Iterator[tuple[Path, list[str], list[str]]]:
     """Each folder from ``top`` on, the upper ones first, with the names of its folders and of all else in it.
 
     As `os.walk`, but without recursion, so that folders nested thousands of levels deep end no one: what lies below
-    ``deepest`` levels, or too deep for a path, is not looked at. What is taken out of the list of folders is not
+    ``max_depth`` levels, or too deep for a path, is not looked at. What is taken out of the list of folders is not
     entered, and neither is a link to one; a folder that is closed has nothing in it.
     """
     pending = [(top, 0)]
@@ -172,7 +172,7 @@ def walk(top: Path, deepest: int = DEEPEST) -> Iterator[tuple[Path, list[str], l
         except OSError:
             pass  # it is there, and closed
         yield place, folders, names
-        below = (place / name for name in reversed(folders)) if level < deepest else ()
+        below = (place / name for name in reversed(folders)) if level < max_depth else ()
         pending += [(each, level + 1) for each in below if len(os.fsencode(each)) < _LONGEST and not each.is_symlink()]
 
 

@@ -81,10 +81,10 @@ def is_placeholder(serial: str) -> bool:
     return len(number) < 2 or not number.strip("0") or bare(serial) in _UNNAMED
 
 
-def weight(serial: str, said: Iterable[str] = ()) -> int:
-    """How much a number says, NONE to UNIQUE; ``said`` is what the device says of its kind: product, maker, ids."""
+def weight(serial: str, texts: Iterable[str] = ()) -> int:
+    """How much a number says, NONE to UNIQUE; ``texts`` is what the device says of its kind: product, maker, ids."""
     number = _number(serial)
-    if not any(map(str.isdecimal, number)) or len(set(number)) < 2 or _names_kind(serial, number, said):
+    if not any(map(str.isdecimal, number)) or len(set(number)) < 2 or _names_kind(serial, number, texts):
         return NONE
     # Zeros in front only fill the width.
     filled, number = number, number.lstrip("0")
@@ -98,14 +98,14 @@ def weight(serial: str, said: Iterable[str] = ()) -> int:
     return SHORT if unforeseen >= 2 and 2 * unforeseen >= len(number) else PATTERN
 
 
-def tells_apart(serial: str, others: Iterable[str] = (), said: Iterable[str] = ()) -> bool:
+def is_distinctive(serial: str, others: Iterable[str] = (), texts: Iterable[str] = ()) -> bool:
     """Whether a number is one unit's alone; ``others`` are the numbers of the other units of its kind."""
-    others, said = list(others), list(said)
-    own = weight(serial, said)
+    others, texts = list(others), list(texts)
+    own = weight(serial, texts)
     if any(bare(serial) == bare(other) for other in others):
         return False
     # Two that differ show that the maker numbers the units, where neither looks like a default.
-    return own == UNIQUE or (own == SHORT and bool(others) and all(weight(other, said) >= SHORT for other in others))
+    return own == UNIQUE or (own == SHORT and bool(others) and all(weight(other, texts) >= SHORT for other in others))
 
 
 def _plain(serial: str) -> str:
@@ -114,11 +114,11 @@ def _plain(serial: str) -> str:
     return "".join(str(unicodedata.decimal(sign)) if sign.isdecimal() else sign for sign in text)
 
 
-def _names_kind(serial: str, number: str, said: Iterable[str]) -> bool:
+def _names_kind(serial: str, number: str, texts: Iterable[str]) -> bool:
     """Whether it repeats what the device says of its kind, or the first word of that, such as the name of its chip."""
-    said = list(said)
-    first = {bare(word) for text in said for word in text.split()[:1]}
-    kind = {bare(text) for text in said} | {word for word in first if len(word) >= _LEAST_NAME}
+    texts = list(texts)
+    first = {bare(word) for text in texts for word in text.split()[:1]}
+    kind = {bare(text) for text in texts} | {word for word in first if len(word) >= _LEAST_NAME}
     return not {bare(serial), number}.isdisjoint(kind)
 
 

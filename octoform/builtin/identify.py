@@ -160,11 +160,11 @@ def names_wires(name: str, raw: str) -> bool:
     if _WIRES.isdisjoint(words):
         return False
     makers = {word for line in _MAKER_LINE.findall(raw) for word in _words(line)}
-    left = [word for word in words if not _says_nothing(word) and word not in makers]
+    left = [word for word in words if not _is_filler(word) and word not in makers]
     return not left or (words[-1] in _HEADS and len(left) <= 1)
 
 
-def _says_nothing(word: str) -> bool:
+def _is_filler(word: str) -> bool:
     if word in _WIRES or word in _HEADS or word in _FILLER or len(word) < 2:
         return True
     return word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
@@ -241,7 +241,7 @@ def identify(
     mac = probe.get("platform", {}).get("os") == macos.SYSTEM
     for entry in probe["devices"]:
         device = Device(entry, databases)
-        judged = other_sources.told(device, judge(device), answers.get(device.id, ""))
+        judged = other_sources.completed(device, judge(device), answers.get(device.id, ""))
         verdict = other_sources.product(device, judged, profiles)
         if isinstance(verdict, Leave):
             left_out.append({"id": device.id, "reason": verdict.reason, "detail": verdict.detail[:300]})

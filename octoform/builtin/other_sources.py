@@ -134,7 +134,7 @@ _MOVERS = frozenset(
 )
 
 
-def told(device: Device, judged: dict[str, Any] | Leave, sentence: str) -> dict[str, Any] | Leave:
+def completed(device: Device, judged: dict[str, Any] | Leave, sentence: str) -> dict[str, Any] | Leave:
     """What the class modules judged of the device, completed by a person's sentence about it; "" changes nothing."""
     if not sentence or leave_first(device) is not None:
         return judged

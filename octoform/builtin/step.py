@@ -31,7 +31,7 @@ PART = 2
 """Half of the farthest single move: far enough to be seen plainly."""
 
 
-def line_trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
+def line_tests(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One test for each tool with a single distance that goes both ways, in the order of the protocol definition."""
     camera = best(given["cameras"])
     view = {"tool": camera["tool"], "arguments": dict(camera["arguments"])}
@@ -80,7 +80,7 @@ SECONDS = 1.0
 _READS = ("read_unit", "read_units")
 
 
-def register_trials(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
+def register_tests(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
     """One trial for each unit of the grammar that is not disabled; TaskRefused without a tool to move or read one."""
     registers = grammar["registers"]
     offered = {tool["name"]: tool for tool in given["tools"]}
@@ -213,9 +213,9 @@ def answer(given: Mapping[str, Any], task: Task) -> dict[str, Any]:
     grammar = (profile or {}).get("grammar") or {}
     skipped: list[dict[str, str]] = []
     if kind == "reading" and "registers" in grammar:
-        trials, skipped = register_trials(given, grammar), disabled(grammar)
+        trials, skipped = register_tests(given, grammar), disabled(grammar)
     elif kind == "view" and "line" in grammar:
-        trials = line_trials(given, grammar)
+        trials = line_tests(given, grammar)
     else:
         raise TaskRefused(
             f"the profile has no protocol definition from which a hardware test of the kind {kind} could be made"

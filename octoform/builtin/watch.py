@@ -215,7 +215,7 @@ def _failing(given: Given) -> Iterator[Error]:
         count = sum(row["count"] for row in rows if isinstance(row.get("count"), int))
         last = rows[-1]
         message = f"{_count(count or len(rows), 'call')} failed, last with {last.get('error') or 'an error'}: "
-        message += _told(last)
+        message += _failure_text(last)
         yield _error(tool, device, kind, message, rows, fatal=any(is_fatal(row) for row in rows))
 
 
@@ -266,7 +266,7 @@ def _count(number: int, what: str) -> str:
     return f"{number} {what}" if number == 1 else f"{number} {what}s"
 
 
-def _told(failure: Row) -> str:
+def _failure_text(failure: Row) -> str:
     """The words of a failure, unless somebody has put an address or a command there: those are not handed on."""
     text = " ".join(str(failure.get("message") or "no message").split())
     return "its words hold an address or a command and are omitted" if _ORDERS.search(text) else text

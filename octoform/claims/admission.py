@@ -277,14 +277,14 @@ def _cited(proposal: Proposal, cited: Sequence[tuple[str, Reading | None]]) -> D
     if not cited:
         return error(
             "CLAIM-NO-READING",
-            f"the claim about {_shown(proposal.target)} cites no reading",
+            f"the claim about {_display(proposal.target)} cites no reading",
             hint="cite the ids of the readings at which its condition holds",
         )
     unknown = [name for name, reading in cited if reading is None]
     if unknown:
         return error(
             "CLAIM-UNKNOWN-READING",
-            f"there is no reading {_shown(unknown[0])}, which the claim about {_shown(proposal.target)} cites",
+            f"there is no reading {_display(unknown[0])}, which the claim about {_display(proposal.target)} cites",
             hint="cite only ids that were given; old readings are forgotten",
         )
     return None
@@ -294,7 +294,7 @@ def _other_signal(proposal: Proposal) -> Diagnostic:
     assert proposal.signal is not None
     return error(
         "CLAIM-OTHER-SIGNAL",
-        f"no reading that the claim about {_shown(proposal.target)} cites is one of {_of(proposal.signal)}",
+        f"no reading that the claim about {_display(proposal.target)} cites is one of {_of(proposal.signal)}",
         hint="a claim rests on readings of its own signal",
     )
 
@@ -355,7 +355,7 @@ def _restricting(case: _Case) -> Diagnostic | None:
         if facts is None:
             near = did_you_mean(each.tool, list(tools))
             hint = f"did you mean {near}?" if near else "restrict only tools that the endpoint has"
-            return error("CLAIM-UNKNOWN-TOOL", f"there is no tool {_shown(each.tool)} to restrict", hint=hint)
+            return error("CLAIM-UNKNOWN-TOOL", f"there is no tool {_display(each.tool)} to restrict", hint=hint)
         if facts.effect == READ or facts.stops:
             kind = "a tool that stops a movement" if facts.stops else "a reading"
             return error(
@@ -374,12 +374,12 @@ def _too_wide(target: str, restriction: Restriction, facts: ToolFacts) -> str | 
         return None
     device, _, unit = target.removeprefix("device:").partition("/")
     if facts.devices and device not in facts.devices:
-        return f"{restriction.tool} does not use {_shown(device)}, which the claim is about"
+        return f"{restriction.tool} does not use {_display(device)}, which the claim is about"
     if len(facts.devices) > 1 and "device" in facts.choices and restriction.arguments.get("device") != device:
-        return f"{restriction.tool} is restricted for all of its devices, not for {_shown(device)} alone"
+        return f"{restriction.tool} is restricted for all of its devices, not for {_display(device)} alone"
     for name, choices in facts.choices.items():
         if unit and unit in choices and restriction.arguments.get(name) != unit:
-            return f"{restriction.tool} is restricted for more than {_shown(unit)}: {name} can name it alone"
+            return f"{restriction.tool} is restricted for more than {_display(unit)}: {name} can name it alone"
     return None
 
 
@@ -416,7 +416,7 @@ def _always_so(case: _Case) -> Diagnostic | None:
     condition, signal = case.condition, case.evidence.signal
     if not case.proposal.restrictions or signal.channel in _ABOUT_THEMSELVES:
         return None
-    if any(bound.says_trouble(case.evidence.value) for bound in case.view.settings.bounds_of(signal)):
+    if any(bound.is_problem(case.evidence.value) for bound in case.view.settings.bounds_of(signal)):
         return None
     if case.view.readings.ever_otherwise(signal, condition):
         return None
@@ -430,7 +430,7 @@ def _always_so(case: _Case) -> Diagnostic | None:
 def _irreversible(proposal: Proposal) -> Diagnostic:
     return error(
         "CLAIM-IRREVERSIBLE",
-        f"{proposal.irreversible} of {_shown(proposal.target)} is a permanent restriction, so it waits for a person",
+        f"{proposal.irreversible} of {_display(proposal.target)} is a permanent restriction, so it waits for a person",
         hint="octoform claims shows it; octoform confirm makes it true, octoform confirm -reject refuses it",
     )
 
@@ -452,18 +452,18 @@ def _moment(reading: Reading) -> float:
 
 
 def _words(condition: Condition) -> str:
-    return f"{condition.op} {_shown(str(condition.value))}"
+    return f"{condition.op} {_display(str(condition.value))}"
 
 
 def _of(signal: Signal) -> str:
-    return f"{_shown(signal.source)} {_shown(signal.path)}"
+    return f"{_display(signal.source)} {_display(signal.path)}"
 
 
 def _value(reading: Reading) -> str:
     if reading.value is None:
-        return f"it could not be read ({_shown(reading.why) or 'no reason was given'})"
-    return f"{_of(reading.signal)} is {_shown(str(reading.value))}"
+        return f"it could not be read ({_display(reading.why) or 'no reason was given'})"
+    return f"{_of(reading.signal)} is {_display(str(reading.value))}"
 
 
-def _shown(text: str) -> str:
+def _display(text: str) -> str:
     return escaped(text)[:120]

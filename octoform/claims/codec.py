@@ -20,7 +20,7 @@ from octoform.claims.model import Channel, Claim, Condition, Reading, Restrictio
 from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, error
 from octoform.records import dataclass
-from octoform.state.files import read_regular, shown, write_atomic
+from octoform.state.files import display, read_regular, write_atomic
 
 FORMAT = 1
 SIZE_LIMIT = 8 * 1024 * 1024
@@ -202,7 +202,7 @@ def _damaged(path: Path, why: str) -> Diagnostic:
     return error(
         "CLAIM-LEDGER-DAMAGED",
         "the ledger of claims cannot be read, so no claim of it is believed and nothing is restricted by one",
-        path=shown(path),
+        path=display(path),
         detail=why[:500],
         hint="limits of the profiles and of the manifest hold as before; the file is kept beside its place",
     )

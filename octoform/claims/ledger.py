@@ -26,7 +26,7 @@ from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Clock, Settings
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.state.files import shown
+from octoform.state.files import display
 from octoform.state.layout import Layout
 from octoform.state.store.lock import myself
 
@@ -64,7 +64,7 @@ def changed_problem(path: Path) -> Diagnostic:
     return warning(
         "CLAIM-LEDGER-CHANGED",
         "the ledger of claims was changed by somebody else while an agent was at work; it is as it was before",
-        path=shown(path),
+        path=display(path),
         hint="octoform claims and octoform confirm record what a person decides",
     )
 
@@ -104,7 +104,7 @@ class Ledger:
         with ledger._held():
             return ledger
 
-    def told(self) -> tuple[Diagnostic, ...]:
+    def new_diagnostics(self) -> tuple[Diagnostic, ...]:
         """What was wrong with the ledger's files since this was asked last."""
         found, self.said = tuple(dict.fromkeys(self.said)), []
         return found

@@ -19,7 +19,7 @@ from octoform.base.files import move, parse, record, write_all
 from octoform.claims.model import Channel, Condition, Reading, Signal, holds
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, warning
-from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.files import display, read_regular, refused, write_atomic
 
 FORMAT = 1
 OF_ONE = 16
@@ -206,7 +206,7 @@ class Readings:
         return [self._damaged("the remembered readings cannot be read, so none of them is evidence any more")]
 
     def _damaged(self, text: str) -> Diagnostic:
-        return warning("CLAIM-READINGS-DAMAGED", text, path=shown(self._path))
+        return warning("CLAIM-READINGS-DAMAGED", text, path=display(self._path))
 
 
 def to_json(reading: Reading) -> dict[str, Any]:

@@ -91,7 +91,7 @@ class Bound:
     def _is_high(self, value: float) -> bool:
         return self.trouble_above is not None and value >= self.trouble_above
 
-    def says_trouble(self, value: Value) -> bool:
+    def is_problem(self, value: Value) -> bool:
         """Whether the profile itself calls this value a problem."""
         if not is_number(value) or value is None or isinstance(value, str):
             return False
@@ -192,7 +192,7 @@ def tools_of(layout: Layout) -> dict[str, ToolFacts]:
         return {}
 
 
-def bounds_told(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> list[dict[str, Any]]:
+def bound_documents(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> list[dict[str, Any]]:
     """What profiles (name, what protects its units) call clean, as plain values, for the tools of their devices."""
     found = []
     for name, each in protects:
@@ -204,10 +204,10 @@ def bounds_told(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> lis
     return found
 
 
-def bounds_of(told: Iterable[Mapping[str, Any]]) -> tuple[Bound, ...]:
+def bounds_of(documents: Iterable[Mapping[str, Any]]) -> tuple[Bound, ...]:
     """The bounds in plain values; what is none is omitted, which refuses less and never more."""
     found = []
-    for each in told:
+    for each in documents:
         numbers = {name: each.get(name) for name in _NUMBERS}
         if isinstance(each.get("name"), str) and all(one is None or is_number(one) for one in numbers.values()):
             sources = tuple(str(source) for source in each.get("sources") or ())

@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import flattened, shown
+from octoform.base.escaping import display, flattened
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_JSON_BYTES = 8 * 1024 * 1024
@@ -164,7 +164,7 @@ def _string_refusals(
     if seen is not None and previous in ("{", ","):
         if word in seen:
             hint = "keep one of the two; a reader that keeps the last one would lose the first"
-            yield start, "ARTIFACT-DUPLICATE-KEY", f"the key {shown(word)} is twice in one object", hint
+            yield start, "ARTIFACT-DUPLICATE-KEY", f"the key {display(word)} is twice in one object", hint
         seen.add(word)
     if any("\ud800" <= item <= "\udfff" for item in word):
         hint = "write the character itself, or both halves of its surrogate pair"
@@ -178,7 +178,7 @@ def _number_refusals(token: str, start: int) -> Iterator[tuple[int, str, str, st
     elif token[-1].isdigit() and (token[0].isdigit() or token[0] == "-"):
         whole = token.lstrip("-").isdigit()
         if (whole and len(token) > MAX_DIGITS) or (not whole and not math.isfinite(float(token))):
-            yield start, "ARTIFACT-BAD-NUMBER", f"the number {shown(token, 30)} is out of range", hint
+            yield start, "ARTIFACT-BAD-NUMBER", f"the number {display(token, 30)} is out of range", hint
 
 
 def _decoded(token: str) -> str:

@@ -108,7 +108,7 @@ No class of the kernel leads to what moves, switches or weighs: such a word has 
 """
 
 
-def shown(entry: JsonObject) -> frozenset[str]:
+def visible_kinds(entry: JsonObject) -> frozenset[str]:
     """The kernel's classes of a PROBE device, and the classes of its USB interfaces that have a standard way."""
     raw = str(entry.get("raw_descriptor", ""))
     found = {f"usb-{code}" for code in {"".join(pair) for pair in _USB_CLASS.findall(raw)} & _USB_WAYS}
@@ -120,7 +120,7 @@ def measures(entry: JsonObject, word: str) -> bool:
     text = str(entry.get("raw_descriptor", ""))
     if word in _MOVED and _MOVED.intersection(re.findall("[a-z]{3,}", text.casefold())):
         return True  # it calls itself what moves
-    ways = shown(entry).intersection(MEASURED[word])
+    ways = visible_kinds(entry).intersection(MEASURED[word])
     channels = set(_CHANNEL.findall(text)) - {"name", "label"}
     if not ways or word not in _CHANNELS or not channels or ways - {"hwmon", "iio"}:
         return bool(ways)
@@ -129,4 +129,4 @@ def measures(entry: JsonObject, word: str) -> bool:
 
 def speaks_bytes(entry: JsonObject) -> bool:
     """Whether nothing but a raw line leads to a device, or nothing at all."""
-    return shown(entry) <= RAW | _USB_RAW
+    return visible_kinds(entry) <= RAW | _USB_RAW

@@ -129,10 +129,10 @@ def _host_name(probe: JsonObject) -> list[str]:
     name = given.strip() if isinstance(given, str) and not hidden(given) else ""
     if len(name) < SHORTEST_NAME or _names_a_kind(name, probe):
         return []
-    return [name] if len(name) >= MINIMUM_IN_TEXT or not _is_said_of_devices(name, probe) else []
+    return [name] if len(name) >= MINIMUM_IN_TEXT or not _is_device_word(name, probe) else []
 
 
-def _is_said_of_devices(word: str, probe: JsonObject) -> bool:
+def _is_device_word(word: str, probe: JsonObject) -> bool:
     """True when an attached device is called so, or states the word of itself: a short one is most likely that word."""
     attached = (device for device in probe["devices"] if device.get("context") is not True)
     lines = (str(device.get(member, "")) for device in attached for member in ("name", "raw_descriptor"))
@@ -203,7 +203,7 @@ def members(text: str) -> list[str]:
 def with_stand_ins(text: str, secrets: Iterable[str], key: bytes, *, in_members: bool) -> str:
     """The text with a stand-in for each of the secrets, for every hardware address and, if asked, for `members`."""
     known = set(secrets)
-    stands = _Stands(key)
+    stands = _Placeholders(key)
     if in_members:
         known |= {value for value in members(text) if len(value) >= MINIMUM_IN_TEXT and any(map(str.isdigit, value))}
         text = _PAIR.sub(stands.member, text)
@@ -213,7 +213,7 @@ def with_stand_ins(text: str, secrets: Iterable[str], key: bytes, *, in_members:
     return stands.put(ADDRESS.sub(stands.hit, text))
 
 
-class _Stands:
+class _Placeholders:
     """Holds each stand-in behind a mark until the end: it has the form of a secret, and must not be exchanged again."""
 
     def __init__(self, key: bytes) -> None:
@@ -286,7 +286,11 @@ def judged(probe: JsonObject) -> JsonObject:
         own, others = str(instance.get("serial") or ""), list(numbers[_kind(device, known)])
         others.remove(own)
         lines = [device["name"], f"{device.get('vid', '')}{device.get('pid', '')}"]
-        if instance.get("strength") == "strong" and own and not serials.tells_apart(own, filter(None, others), lines):
+        if (
+            instance.get("strength") == "strong"
+            and own
+            and not serials.is_distinctive(own, filter(None, others), lines)
+        ):
             place = "positional" if instance.get("port") else "weak"
             device = {**device, "instance": {**instance, "strength": place}}
         out.append(device)

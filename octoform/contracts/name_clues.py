@@ -371,12 +371,12 @@ def is_chip_name(name: str, raw_descriptor: str) -> bool:
     if not set(words) & _BRIDGE:
         return False
     makers = {word for line in _MAKER_LINE.findall(raw_descriptor) for word in _words(line)}
-    left = [word for word in words if not _says_nothing(word, makers)]
+    left = [word for word in words if not _is_empty(word, makers)]
     names_an_adapter = bool(words) and words[-1] in _HEADS
     return not left or (names_an_adapter and len(left) <= 1)
 
 
-def says_nothing(word: str) -> bool:
+def is_filler(word: str) -> bool:
     """True for a word that could be in any device's name: a filler, a bridge's word, one letter."""
     return word in _BRIDGE or word in _HEADS or word in _FILLER or len(word) < 2
 
@@ -391,8 +391,8 @@ def kind_of(word: str) -> str | None:
     return next((each for each in (word, word.removesuffix("s")) if each in KINDS), None)
 
 
-def _says_nothing(word: str, makers: Iterable[str]) -> bool:
-    return says_nothing(word) or word in makers or word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
+def _is_empty(word: str, makers: Iterable[str]) -> bool:
+    return is_filler(word) or word in makers or word.isdigit() or _PART_NUMBER.fullmatch(word) is not None
 
 
 def _words(text: str) -> list[str]:

@@ -34,7 +34,7 @@ def words(text: str) -> list[str]:
     return _WORD.findall(_SPREAD.sub(" ", plain))
 
 
-def said(texts: Iterable[str]) -> frozenset[str]:
+def word_set(texts: Iterable[str]) -> frozenset[str]:
     """Every word of the texts, also run together with its neighbours, plurals folded."""
     found = set()
     for text in texts:
@@ -63,7 +63,7 @@ def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
     return [word for at, word in enumerate(of) if at not in borne]
 
 
-def says_language(text: str) -> bool:
+def names_language(text: str) -> bool:
     """Whether a string states which language a word is of, or what it means."""
     return _LANGUAGE.search(text) is not None
 

@@ -116,7 +116,7 @@ def place_of(row: Row) -> Place:
     return str(row["channel"]), str(row["source"]), str(row["path"])
 
 
-def told_tools(interface: Row) -> list[dict[str, Any]]:
+def tool_facts(interface: Row) -> list[dict[str, Any]]:
     """The tools of INTERFACE as a duty is told of them: name, effect, whether it stops, devices, parameters, limits.
 
     Descriptions are left out: who diagnoses has to look at readings, and a prompt is bounded.
@@ -134,7 +134,7 @@ def told_tools(interface: Row) -> list[dict[str, Any]]:
     ]
 
 
-def told_devices(interface: Row, identify: Row | None) -> list[dict[str, Any]]:
+def device_facts(interface: Row, identify: Row | None) -> list[dict[str, Any]]:
     """The devices that have tools, each with its name and the names of its tools, in the order of IDENTIFY."""
     served = {device: None for tool in interface["tools"] for device in tool["devices"]}
     named = {item["id"]: item.get("identified_as") for item in (identify or {"devices": []})["devices"]}

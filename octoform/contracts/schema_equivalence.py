@@ -8,7 +8,7 @@ what changes the values that a caller may send counts as a difference. Light.
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import resolve
 from octoform.contracts.artifact_parser import MAX_DEPTH, deeper_than
 from octoform.contracts.model import JsonObject
@@ -155,15 +155,15 @@ def _differences(a: Any, b: Any, where: str) -> list[str]:
         for name in sorted({*a, *b}):
             place = f"{where}.{name}" if where else str(name)
             if name not in b:
-                out.append(f"{_shown_place(place)}: {_said(a[name])} promised, nothing found")
+                out.append(f"{_shown_place(place)}: {_short(a[name])} promised, nothing found")
             elif name not in a:
-                out.append(f"{_shown_place(place)}: {_said(b[name])} found, nothing promised")
+                out.append(f"{_shown_place(place)}: {_short(b[name])} found, nothing promised")
             else:
                 out += _differences(a[name], b[name], place)
         return out
     if _same(a, b):
         return []
-    return [f"{_shown_place(where)}: {_said(a)} promised, {_said(b)} found"]
+    return [f"{_shown_place(where)}: {_short(a)} promised, {_short(b)} found"]
 
 
 def _same(a: Any, b: Any) -> bool:
@@ -171,12 +171,12 @@ def _same(a: Any, b: Any) -> bool:
     return bool(a == b) and isinstance(a, bool) == isinstance(b, bool)
 
 
-def _said(value: Any) -> str:
-    return shown(value, 60)[1:-1]
+def _short(value: Any) -> str:
+    return display(value, 60)[1:-1]
 
 
 def _shown_place(place: str) -> str:
-    return shown(place, 120)[1:-1]
+    return display(place, 120)[1:-1]
 
 
 def _wider(promised: Any, found: Any, where: str) -> list[str]:
@@ -186,12 +186,12 @@ def _wider(promised: Any, found: Any, where: str) -> list[str]:
     place = _shown_place(where) or "the result"
     if not given:
         is_known = isinstance(found, dict) and "$ref" in found  # beyond the references that a comparison follows
-        return [] if is_known else [f"{place}: {_said(_named(wanted))} promised, nothing found"]
+        return [] if is_known else [f"{place}: {_short(_named(wanted))} promised, nothing found"]
     if given - wanted - ({"integer"} if "number" in wanted else set()):
-        return [f"{place}: {_said(_named(wanted))} promised, {_said(_named(given))} found"]
+        return [f"{place}: {_short(_named(wanted))} promised, {_short(_named(given))} found"]
     choices, real = promised.get("enum"), found.get("enum")
     if choices is not None and (real is None or any(not _is_among(item, choices) for item in real)):
-        return [f"{place}: {_said(choices)} promised, {_said(real or _named(given))} found"]
+        return [f"{place}: {_short(choices)} promised, {_short(real or _named(given))} found"]
     out = []
     wanted_list, found_list = _only(promised, "array"), _only(found, "array")
     if wanted_list and found_list:
@@ -305,7 +305,7 @@ def _schema(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) 
     return [
         error(
             "SERVE-SCHEMA-DIFFERS",
-            f"the input schema of {shown(name)} is not the one that INTERFACE promises",
+            f"the input schema of {display(name)} is not the one that INTERFACE promises",
             path=path,
             detail="\n".join(lines[:20]),
             hint="write parameters whose types, ranges, defaults and names give exactly that input_schema",
@@ -320,7 +320,7 @@ def _result(name: str, wanted: JsonObject, found: Mapping[str, Any], path: str) 
     lines = result_differences(wanted.get("output_schema", {}), schema)
     if not lines:
         return []
-    summary = f"the result of {shown(name)} is not the one that INTERFACE promises"
+    summary = f"the result of {display(name)} is not the one that INTERFACE promises"
     hint = "annotate the function with a dataclass or model whose members are those of output_schema, or register the "
     hint += "tool with output_schema={...} where it returns a ToolResult"
     return [error("SERVE-RESULT-DIFFERS", summary, path=path, detail="\n".join(lines[:20]), hint=hint)]
@@ -335,6 +335,6 @@ def _annotations(name: str, wanted: JsonObject, found: Mapping[str, Any], path: 
     ]
     if not lines:
         return []
-    summary = f"the `annotations` of {shown(name)} are not the ones that INTERFACE promises"
+    summary = f"the `annotations` of {display(name)} are not the ones that INTERFACE promises"
     hint = "pass annotations={...} to @mcp.tool with the four hints of the INTERFACE artifact"
     return [error("SERVE-ANNOTATIONS-DIFFER", summary, path=path, detail="\n".join(lines), hint=hint)]

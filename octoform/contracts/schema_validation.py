@@ -12,7 +12,7 @@ from jsonschema import Draft202012Validator
 from jsonschema.exceptions import best_match
 from referencing import Registry
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
@@ -32,14 +32,14 @@ def shape_diagnostics(stage: str, value: object, schema: dict[str, Any]) -> list
     code = f"{stage.upper()}-SCHEMA"
     found: dict[tuple[str, str], Diagnostic] = {}
     for problem in islice(validator(schema).iter_errors(value), MAX_DIAGNOSTICS * 5):
-        for item in _told(problem, code):
+        for item in _diagnostics_of(problem, code):
             found.setdefault((item.pointer or "", item.summary), item)
         if len(found) >= MAX_DIAGNOSTICS:
             break
     return list(found.values())[:MAX_DIAGNOSTICS]
 
 
-def _told(problem: Problem, code: str) -> Iterator[Diagnostic]:
+def _diagnostics_of(problem: Problem, code: str) -> Iterator[Diagnostic]:
     if problem.context:
         problem = best_match(problem.context) or problem
     where = list(problem.absolute_path)
@@ -58,7 +58,7 @@ def _missing(problem: Problem, code: str, where: list[str | int]) -> Iterator[Di
     for name in problem.validator_value:
         if name not in present:
             hint = _about(problem.schema, name) or f"add {name}"
-            yield error(code, f"{_field(where)} lacks the member {shown(name)}", pointer=pointer(*where), hint=hint)
+            yield error(code, f"{_field(where)} lacks the member {display(name)}", pointer=pointer(*where), hint=hint)
 
 
 def _unknown(problem: Problem, code: str, where: list[str | int]) -> Iterator[Diagnostic]:
@@ -67,7 +67,7 @@ def _unknown(problem: Problem, code: str, where: list[str | int]) -> Iterator[Di
         if name not in known:
             guess = did_you_mean(name, known)
             hint = f"did you mean {guess}?" if guess else f"known members: {', '.join(known)}"
-            summary = f"{_field(where)} has the unknown member {shown(name)}"
+            summary = f"{_field(where)} has the unknown member {display(name)}"
             yield error(code, summary, pointer=pointer(*where, name), hint=hint)
 
 
@@ -84,7 +84,7 @@ def _field(where: list[str | int]) -> str:
     out = ""
     for part in where:
         out += f"[{part}]" if isinstance(part, int) else f".{part}"
-    return shown(out.lstrip("."), 120)[1:-1]
+    return display(out.lstrip("."), 120)[1:-1]
 
 
 _Words = tuple[str, str | None]
@@ -100,15 +100,15 @@ def _not_listed(problem: Problem) -> _Words:
     allowed = [str(item) for item in problem.validator_value]
     guess = did_you_mean(problem.instance, allowed) if isinstance(problem.instance, str) else None
     hint = f"did you mean {guess}?" if guess else None
-    return f"is {shown(problem.instance)}; allowed: {', '.join(allowed)}", hint
+    return f"is {display(problem.instance)}; allowed: {', '.join(allowed)}", hint
 
 
 def _not_constant(problem: Problem) -> _Words:
-    return f"must be {shown(problem.validator_value)}, not {shown(problem.instance)}", None
+    return f"must be {display(problem.validator_value)}, not {display(problem.instance)}", None
 
 
 def _no_match(problem: Problem) -> _Words:
-    return f"is {shown(problem.instance)}, which does not match {problem.validator_value}", None
+    return f"is {display(problem.instance)}, which does not match {problem.validator_value}", None
 
 
 def _size(word: str, unit: str) -> Callable[[Problem], _Words]:
@@ -120,7 +120,7 @@ def _size(word: str, unit: str) -> Callable[[Problem], _Words]:
 
 def _bound(word: str) -> Callable[[Problem], _Words]:
     def words(problem: Problem) -> _Words:
-        return f"is {shown(problem.instance, 30)}; {word} {problem.validator_value}", None
+        return f"is {display(problem.instance, 30)}; {word} {problem.validator_value}", None
 
     return words
 
@@ -130,7 +130,7 @@ def _not_unique(_: Problem) -> _Words:
 
 
 def _any_other(problem: Problem) -> _Words:
-    return f"breaks the schema's {shown(problem.validator)}", None
+    return f"breaks the schema's {display(problem.validator)}", None
 
 
 _WORDS: dict[str, Callable[[Problem], _Words]] = {

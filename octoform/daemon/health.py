@@ -32,7 +32,7 @@ _KINDS: Mapping[Kind, Status] = {
 }
 
 
-class Trouble(Protocol):
+class ProblemLike(Protocol):
     """An incident, as far as health is concerned."""
 
     @property
@@ -112,7 +112,7 @@ def from_json(value: Mapping[str, Any]) -> Health:
 
 def compose(
     facts: Facts,
-    episodes: Iterable[Trouble] = (),
+    episodes: Iterable[ProblemLike] = (),
     claims: Iterable[Claim] = (),
     readings: Iterable[Reading] = (),
     expected: Iterable[Signal] = (),
@@ -124,11 +124,11 @@ def compose(
     """
     latest, made = newest(readings), list(claims)
     quiet = silent(latest.values(), expected, unread)
-    standing = [each for each in made if each.state is State.ACTIVE and _stands(each, latest)]
+    standing = [each for each in made if each.state is State.ACTIVE and _is_upheld(each, latest)]
     pending = [each for each in made if each.state is State.PENDING]
     parts = [*_process(facts), *_devices(facts)]
     parts += [Part(f"unit:{source}{path}", Status.UNKNOWN, f"does not report: {why}") for source, path, why in quiet]
-    parts += _troubles(episodes)
+    parts += _problem_parts(episodes)
     parts += [Part(each.target, Status.DEGRADED, f"{each.kind} {each.id}: {each.statement}") for each in standing]
     parts += [
         Part(each.target, Status.DEGRADED, f"{each.id} waits for a person as a {each.kind}: {each.statement}")
@@ -188,20 +188,20 @@ def _devices(facts: Facts) -> Iterable[Part]:
             yield Part(f"device:{name}", Status.DEGRADED, "several devices match")
 
 
-def _troubles(episodes: Iterable[Trouble]) -> Iterable[Part]:
+def _problem_parts(episodes: Iterable[ProblemLike]) -> Iterable[Part]:
     for each in episodes:
         if each.outcome in (Outcome.OPEN, Outcome.FROZEN, Outcome.SURFACED):
             yield Part(each.target, _KINDS.get(each.kind, Status.DEGRADED), each.summary)
 
 
-def _stands(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:
+def _is_upheld(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:
     """A claim that the newest reading of its own signal contradicts has no say, no matter who made it."""
     reading = latest.get(claim.signal)
     return reading is None or reading.value is None or holds(claim.condition, reading.value) is not False
 
 
 @dataclass(frozen=True, slots=True)
-class Stand:
+class HealthSnapshot:
     """How a deployment stood at one moment, for a comparison: before a repair and after it.
 
     ``reporting`` are signals as ``source + path``, ``there`` devices, ``failing`` how often each tool failed in a row.
@@ -215,15 +215,15 @@ class Stand:
     failing: Mapping[str, int] = field(default_factory=dict)
 
 
-def stand(
+def snapshot(
     facts: Facts,
     readings: Iterable[Reading] = (),
     tools: Iterable[str] = (),
     failing: Mapping[str, int] | None = None,
-) -> Stand:
+) -> HealthSnapshot:
     """What `worse` compares. ``tools`` are those that the endpoint lists; ``failing`` from `Recall.failing`."""
     given = list(readings)
-    return Stand(
+    return HealthSnapshot(
         facts.process is not None,
         facts.answers,
         frozenset(f"{each.source}{each.path}" for each in reporting(given) | answered(given)),
@@ -233,7 +233,7 @@ def stand(
     )
 
 
-def worse(before: Stand, after: Stand) -> str | None:
+def worse(before: HealthSnapshot, after: HealthSnapshot) -> str | None:
     """One sentence on what is worse than it was; None when nothing is. Only what reported before can be missed."""
     if before.running and not after.running:
         return "the endpoint's process does not run any more"

@@ -24,7 +24,7 @@ from octoform.daemon.observe.event_queue import EventSources, Timing, open_sourc
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.daemon.observe.samples import Frames, Sensors
 from octoform.daemon.reconcile.repair_policy import Beside
-from octoform.daemon.reconcile.supervisor import Round, Supervisor, View
+from octoform.daemon.reconcile.supervisor import Cycle, Supervisor, View
 from octoform.daemon.repair.repairer import SETTLE_SECONDS, Agents, Repairs
 from octoform.daemon.repair.restart import restart
 from octoform.daemon.repair.worker_port import Workers
@@ -160,7 +160,7 @@ class _Knowing:
         self._view = view
         self._stamp = self._now()
 
-    def __call__(self, made: Round) -> None:
+    def __call__(self, made: Cycle) -> None:
         """Tell it, then show."""
         now = self._now()
         if now != self._stamp and made.facts.busy is None:
@@ -186,7 +186,7 @@ class _Counted:
         self._status: Status | None = None
         self._problem: Diagnostic | None = None
 
-    def __call__(self, made: Round) -> None:
+    def __call__(self, made: Cycle) -> None:
         """Write, then show."""
         status = made.health.status if made.health is not None else None
         if made.health is not None and (made.facts.uptime >= self._next or status is not self._status):
@@ -238,7 +238,7 @@ class Watched:
     """How it ended: the last check cycle (None: there was none), and the signal that ended it (None: it was done)."""
 
     host: str
-    last: Round | None
+    last: Cycle | None
     signal: int | None = None
 
 
@@ -292,7 +292,7 @@ class _Shown:
         self._owned = owned
         self._path = project / FILE_NAME
         self._stamp = _stamp(self._path)
-        self.last: Round | None = None
+        self.last: Cycle | None = None
         self.running: Composition | None = None
         self.changed = False
         self._unwatched = 0
@@ -300,7 +300,7 @@ class _Shown:
         self.replaced: Diagnostic | None = None
         """The daemon that took this one's place, when somebody deleted what said that there was one."""
 
-    def __call__(self, made: Round) -> None:
+    def __call__(self, made: Cycle) -> None:
         """Show a check cycle; let the loop end when it has to begin again."""
         self.last = made
         self._view(made)
@@ -316,13 +316,13 @@ class _Shown:
             self._stamp, self.changed = now, True
             self.running.supervisor.stop()
 
-    def _record(self, made: Round) -> None:
+    def _record(self, made: Cycle) -> None:
         """Write what was done into the host's one execution log, among the calls; say once that it cannot be."""
-        if self.running is None or not (lines := list(_doings(made))):
+        if self.running is None or not (lines := list(_log_entries(made))):
             return
         problem = append(self._log, lines)
         if problem is not None and self._unwritten is None:
-            self.running.supervisor.say(refused(problem, self._log))
+            self.running.supervisor.report(refused(problem, self._log))
         self._unwritten = problem
 
     def _listens(self) -> None:
@@ -330,20 +330,20 @@ class _Shown:
         if self.running is None:
             return
         unwatched = self.running.sources.unwatched
-        problem = unwatched.told() if unwatched.folders != self._unwatched else None
+        problem = unwatched.diagnostic() if unwatched.folders != self._unwatched else None
         self._unwatched = unwatched.folders
         if problem is not None:
-            self.running.supervisor.say(problem)
+            self.running.supervisor.report(problem)
 
     def _unowned(self, problem: Diagnostic, running: Composition) -> None:
         if problem.code == instance_lock.TAKEN:
             self.replaced = problem
             running.supervisor.stop()
         else:
-            running.supervisor.say(problem)
+            running.supervisor.report(problem)
 
 
-def _doings(made: Round) -> Iterator[dict[str, object]]:
+def _log_entries(made: Cycle) -> Iterator[dict[str, object]]:
     """What one check cycle noticed, began, tried and saw the end of, as lines of the execution log."""
     fields = {"time": made.facts.stamp, "from": "daemon"}
     for episode in made.opened:
@@ -418,7 +418,7 @@ def _run(
     try:
         shown.running, stopping.stop = composed, composed.supervisor.stop
         if result is not None:
-            composed.supervisor.say(result)
+            composed.supervisor.report(result)
             composed.looker.manifest = (
                 f"cannot be read, so what it was before counts: {result.detail or result.summary}"
             )

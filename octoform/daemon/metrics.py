@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 from octoform.daemon.health import Health
 from octoform.daemon.model import Outcome, Status
-from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.incidents import Incident
 from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass
 from octoform.state.files import write_atomic
@@ -33,7 +33,7 @@ class Picture:
     """
 
     health: Health
-    episodes: Sequence[Episode]
+    episodes: Sequence[Incident]
     now: float
     frozen: int = 0
     paused: bool = False
@@ -102,7 +102,7 @@ def _families(picture: Picture) -> Iterator[tuple[str, str, tuple[str, ...], Row
     yield from _work(episodes)
 
 
-def _work(episodes: Iterable[Episode]) -> Iterator[tuple[str, str, tuple[str, ...], Rows]]:
+def _work(episodes: Iterable[Incident]) -> Iterator[tuple[str, str, tuple[str, ...], Rows]]:
     """Repairs with the time they took, and what agents cost."""
     tries: Tally = Counter()
     seconds: dict[tuple[str, ...], float] = {}

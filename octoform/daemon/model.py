@@ -134,7 +134,7 @@ ANY = ("whatever it says",)
 
 
 @dataclass(frozen=True, slots=True)
-class Sighting:
+class LastSeen:
     """Where a device is: ``there`` is None when that cannot be determined. ``place`` is its place in sysfs (instance).
 
     ``recorded`` is the place that the ledger of instances has for it, in the same form (None: none is written down).
@@ -173,7 +173,7 @@ class Facts:
     stopped_by: str | None = None
     process: Running | None = None
     answers: bool | None = None
-    told: Mapping[str, Any] | None = None
+    reported: Mapping[str, Any] | None = None
     latched: bool = False
     unproved: tuple[str, ...] = ()
     """Privileged steps whose hardware test failed when they were last applied."""
@@ -186,7 +186,7 @@ class Facts:
     log_bytes: Mapping[str, int] = field(default_factory=dict)
     appeared: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
-    devices: Mapping[str, Sighting] = field(default_factory=dict)
+    devices: Mapping[str, LastSeen] = field(default_factory=dict)
     failures: tuple[LoggedCall, ...] = ()
     worked: tuple[str, ...] = ()
     printed: tuple[str, ...] = ()

@@ -282,7 +282,7 @@ def run(argv: Sequence[str], data: bytes, environ: Mapping[str, str], folder: Pa
         if words is None:
             _kill(process)
             return f"it took more than {SECONDS:g} s and was ended"
-        return None if process.returncode == 0 else f"it ended with status {process.returncode}{_told(words)}"
+        return None if process.returncode == 0 else f"it ended with status {process.returncode}{_failure_text(words)}"
 
 
 def _listen(process: "subprocess.Popen[bytes]", descriptor: int) -> bytes | None:
@@ -310,7 +310,7 @@ def _kill(process: "subprocess.Popen[bytes]") -> None:
     process.wait()
 
 
-def _told(words: bytes) -> str:
+def _failure_text(words: bytes) -> str:
     text = words.decode("utf-8", "replace").strip().rpartition("\n")[2]
     for start, end in found_in(text):
         text = text[:start] + "*" * (end - start) + text[end:]

@@ -13,7 +13,7 @@ from octoform.claims.settings import settings_of
 from octoform.daemon.notices import advice
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import incidents, instance_lock
-from octoform.daemon.store.backoff import Breaker, Breakers
+from octoform.daemon.store.backoff import Backoff, Backoffs
 from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
 from octoform.diagnostics import Diagnostic, did_you_mean, error
@@ -31,7 +31,7 @@ ALL = "all"
 class GivenUp:
     """What waits for a person: problems that last and were given up, and the targets of all that last."""
 
-    frozen: tuple[Breaker, ...] = ()
+    frozen: tuple[Backoff, ...] = ()
     targets: tuple[str, ...] = ()
     advice: Mapping[str, str] = field(default_factory=dict)
     """What to do about each, by its target."""
@@ -43,7 +43,7 @@ def given_up(layout: Layout) -> GivenUp:
     if not layout.daemon.is_dir():
         return GivenUp()
     shelf = Shelf(layout)
-    breakers = Breakers(shelf, myself().boot_id)
+    breakers = Backoffs(shelf, myself().boot_id)
     breakers.load(SystemClock().uptime())
     lasting = [each for each in incidents.read(shelf) if not each.over]
     fields = {each.target: advice(each.kind, each.target) for each in lasting}

@@ -24,8 +24,8 @@ from octoform.daemon.observe.samples import Sensors
 from octoform.daemon.signals import current, measured
 from octoform.daemon.status_file import FILE, FRESH_SECONDS, basis
 from octoform.daemon.store import incidents, instance_lock
-from octoform.daemon.store.backoff import Breakers
-from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.backoff import Backoffs
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.store.memory import RECALL
@@ -34,7 +34,7 @@ from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.failure_history import from_json as recall_from
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import record
-from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.estop import is_engaged
 from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
@@ -50,7 +50,7 @@ _FULL = frozenset({Cause.START})
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class OpenProblem:
     """One thing that is wrong now. ``episode`` is what the daemon noted of it (None: it was seen just now, by us).
 
     ``waits`` states why nothing is done about it at the moment, ``do`` is what a person can do, a command where there
@@ -60,7 +60,7 @@ class Trouble:
     target: str
     summary: str
     since: str | None = None
-    episode: Episode | None = None
+    episode: Incident | None = None
     waits: str = ""
     do: str = ""
 
@@ -78,7 +78,7 @@ class Survey:
     watched: Record | None
     looked: bool
     age: float
-    troubles: tuple[Trouble, ...] = ()
+    problems: tuple[OpenProblem, ...] = ()
     paused: str | None = None
     todo: tuple[tuple[str, str], ...] = ()
     untold: tuple[Failing, ...] = ()
@@ -91,7 +91,7 @@ class _Known:
     """What the daemon left or keeps, as far as it could be read."""
 
     shelf: Shelf
-    episodes: list[Episode] = field(default_factory=list)
+    episodes: list[Incident] = field(default_factory=list)
     frozen: Mapping[str, str] = field(default_factory=dict)
 
 
@@ -117,7 +117,7 @@ def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, li
         watched,
         looked=result is None,
         age=age,
-        troubles=tuple(troubles),
+        problems=tuple(troubles),
         paused=paused,
         todo=tuple(_todo(layout, health, watched, paused)),
         untold=failing(layout),
@@ -131,7 +131,7 @@ def _known(layout: Layout) -> _Known:
     shelf = Shelf(layout)
     if not layout.daemon.is_dir():
         return _Known(shelf)
-    breakers = Breakers(shelf, myself().boot_id)
+    breakers = Backoffs(shelf, myself().boot_id)
     breakers.load(SystemClock().uptime())
     frozen = {each.key: each.frozen or "" for each in breakers.frozen()}
     return _Known(shelf, incidents.read(shelf), frozen)
@@ -158,7 +158,7 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
 def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
     """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
     stop = record.read(layout)
-    by, latched = None if stop is None else stop.by, is_latched(layout)
+    by, latched = None if stop is None else stop.by, is_engaged(layout)
     now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
     return bool(document.get("basis", now) != now)
 
@@ -170,7 +170,7 @@ def _interval(layout: Layout, environ: Mapping[str, str]) -> float:
     return float(manifest.daemon.interval) if manifest is not None else 0.0
 
 
-def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[Health, list[Trouble]]:
+def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[Health, list[OpenProblem]]:
     clock = SystemClock()
     facts = open_look(layout, environ, clock, traceless=True)(_FULL)
     recall = remember(_recall(known.shelf), facts)
@@ -188,7 +188,7 @@ def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[
     return health, troubles
 
 
-def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[Episode]:
+def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[Incident]:
     """The problems that our own look finds, each with what the daemon noted of it; and what only an agent knows of."""
     noted = {each.key: each for each in known.episodes if not each.over}
     seen = {each.key: noted.get(each.key) or _episode(each) for each in findings}
@@ -197,11 +197,11 @@ def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[E
     return [*seen.values(), *(each for key, each in noted.items() if key not in seen and each.by == "watch")]
 
 
-def _episode(finding: Finding) -> Episode:
+def _episode(finding: Finding) -> Incident:
     """A problem that no one has noted: it has no beginning."""
     chain = tuple(repair.value for repair in (finding.repair, *finding.then))
     outcome = Outcome.SURFACED if finding.repair is Repair.PERSON else Outcome.OPEN
-    return Episode(
+    return Incident(
         id="",
         kind=finding.kind,
         fault=finding.fault,
@@ -218,11 +218,11 @@ def _episode(finding: Finding) -> Episode:
     )
 
 
-def _of_episode(episode: Episode, known: _Known, waits: str) -> Trouble:
+def _of_episode(episode: Incident, known: _Known, waits: str) -> OpenProblem:
     frozen = known.frozen.get(episode.key)
     retry = f"octoform heal -retry {episode.target}"
     if frozen is not None or episode.outcome is Outcome.FROZEN:
-        return Trouble(
+        return OpenProblem(
             episode.target,
             episode.summary,
             episode.opened,
@@ -232,8 +232,10 @@ def _of_episode(episode: Episode, known: _Known, waits: str) -> Trouble:
         )
     if episode.outcome is Outcome.SURFACED:
         do = episode.hint or f"look at it, then: {retry}"
-        return Trouble(episode.target, episode.summary, episode.opened, episode, "nothing repairs this by itself", do)
-    return Trouble(episode.target, episode.summary, episode.opened, episode, waits, _of_the_world(episode.kind))
+        return OpenProblem(
+            episode.target, episode.summary, episode.opened, episode, "nothing repairs this by itself", do
+        )
+    return OpenProblem(episode.target, episode.summary, episode.opened, episode, waits, _of_the_world(episode.kind))
 
 
 def _of_the_world(kind: Kind) -> str:
@@ -241,9 +243,11 @@ def _of_the_world(kind: Kind) -> str:
     return "put it back" if kind is Kind.DEVICE_GONE else ""
 
 
-def _of_finding(episode: Episode) -> Trouble:
+def _of_finding(episode: Incident) -> OpenProblem:
     do = (episode.hint if episode.outcome is Outcome.SURFACED else "") or _of_the_world(episode.kind)
-    return Trouble(episode.target, episode.summary, None, episode, "no one watches, so nothing is done about it", do)
+    return OpenProblem(
+        episode.target, episode.summary, None, episode, "no one watches, so nothing is done about it", do
+    )
 
 
 def _recall(shelf: Shelf) -> Recall:
@@ -260,7 +264,7 @@ def _todo(layout: Layout, health: Health, watched: Record | None, paused: str | 
         return
     if record.is_marked(layout):
         yield "octoform start", "a person stopped the endpoint"
-    if is_latched(layout):
+    if is_engaged(layout):
         yield "octoform estop -clear", "the emergency stop is engaged"
     if paused is not None:
         yield "octoform resume", "a person paused repairs"

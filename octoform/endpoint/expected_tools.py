@@ -40,7 +40,7 @@ def untried(layout: Layout) -> frozenset[str]:
     return frozenset(name for name, tool in tools.items() if tool.get("source") == LINE)
 
 
-def shown(layout: Layout, interface: Mapping[str, Any]) -> dict[str, Any]:
+def display(layout: Layout, interface: Mapping[str, Any]) -> dict[str, Any]:
     """An INTERFACE artifact without the tools that no client is shown."""
     unseen = hidden(layout)
     return {**interface, "tools": [tool for tool in interface["tools"] if tool["name"] not in unseen]}

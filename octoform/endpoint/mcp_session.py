@@ -308,7 +308,7 @@ class Up:
             return False
         return True
 
-    def anew(self) -> None:
+    def reset(self) -> None:
         """The endpoint is gone: a message of which it got only a part was never received by it."""
         if self._current and self._own:
             self._lines.appendleft(self._current)
@@ -372,11 +372,11 @@ class Down:
             self.waiting += part
         return back
 
-    def tell(self, lines: list[bytes]) -> None:
+    def send(self, lines: list[bytes]) -> None:
         """Tell the client something in the endpoint's place; only between two messages."""
         self.waiting += b"".join(lines)
 
-    def anew(self) -> None:
+    def reset(self) -> None:
         """The endpoint is gone: what it had begun is ended, so that the next message can be read."""
         if self._open:
             self.waiting += b"\n"

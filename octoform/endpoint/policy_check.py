@@ -117,10 +117,10 @@ def _units(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
                 yield warning("POLICY-UNMATCHED", text, hint=hint)
 
 
-def _is_goal(parameter: str | None, told: Mapping[str, Any]) -> bool:
+def _is_goal(parameter: str | None, units: Mapping[str, Any]) -> bool:
     return parameter is not None and parameter in (
-        told.get("goal", {}).get("parameter"),
-        *(told.get("parameters", {}) if "goal" in told else ()),
+        units.get("goal", {}).get("parameter"),
+        *(units.get("parameters", {}) if "goal" in units else ()),
     )
 
 

@@ -179,7 +179,7 @@ def is_published(layout: Layout, service: Service, environ: Mapping[str, str] | 
     return bool(manifest["files"] == {name: of_bytes(data) for name, (data, _) in files.items()})
 
 
-def tells_of(layout: Layout, service: Service, environ: Mapping[str, str]) -> bool:
+def is_published_for(layout: Layout, service: Service, environ: Mapping[str, str]) -> bool:
     """True when the endpoint that was written last is this service, for whichever folder it was written."""
     try:
         written, policy = (read_json(layout.endpoint / name) for name in (CONNECTION, POLICY))

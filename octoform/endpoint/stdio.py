@@ -82,12 +82,12 @@ class _Pipe:
             usable = self._serve(current)
             if current is not connection:
                 current.close()
-            self._up.anew()
-            self._down.anew()
+            self._up.reset()
+            self._down.reset()
             if self._left or self._up.ended or not usable or returning is None:
                 break
             again = again or returning()
-            self._down.tell(self._conversation.lost())
+            self._down.send(self._conversation.lost())
             current = self._another(again)
         while self._down.waiting and not self._left:
             self._turn({})
@@ -135,7 +135,7 @@ class _Pipe:
             found = again(self._up.waits)
             if isinstance(found, socket.socket):
                 self._up.ahead(self._conversation.found())
-                self._down.tell(self._conversation.renewed())
+                self._down.send(self._conversation.renewed())
                 return found
             if found == "":
                 break
@@ -147,7 +147,7 @@ class _Pipe:
     def _refuse(self, why: str) -> None:
         """Answer what waits for an endpoint; a notification has no one who waits for it."""
         answers = (self._conversation.refused(line, why) for line in self._up.taken())
-        self._down.tell([answer for answer in answers if answer is not None])
+        self._down.send([answer for answer in answers if answer is not None])
 
     def _turn(self, more: dict[int, int], timeout: int | None = None) -> set[int]:
         """Wait until something can be read or written, at most so many milliseconds, and do the client's part of it."""

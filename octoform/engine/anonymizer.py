@@ -29,7 +29,7 @@ _COMMON_NAMES = frozenset({"localhost", "host", "linux"})
 
 
 @dataclass(frozen=True, slots=True)
-class Veil:
+class Anonymizer:
     """Hides one host in texts.
 
     ``instances`` are what identifies its devices and the host, ``places`` its folders, ``secrets`` variables' values.
@@ -42,7 +42,7 @@ class Veil:
     names: tuple[str, ...]
     places: tuple[tuple[str, str], ...]
 
-    def within(self, workdir: str) -> "Veil":
+    def within(self, workdir: str) -> "Anonymizer":
         """The same for the texts of one attempt."""
         places = ((workdir, "{workdir}"), *self.places)
         return replace(self, places=places)
@@ -92,7 +92,9 @@ class Veil:
         return text
 
 
-def veil(layout: Layout, environ: Mapping[str, str], outputs: Sequence[bytes], secrets: Mapping[str, str]) -> Veil:
+def anonymizer_of(
+    layout: Layout, environ: Mapping[str, str], outputs: Sequence[bytes], secrets: Mapping[str, str]
+) -> Anonymizer:
     """The veil for a host; ``outputs`` are what its PROBE attempts wrote, with the real values, the accepted one last.
 
     OSError when the host's own key for pseudonyms can neither be read nor made.
@@ -101,7 +103,7 @@ def veil(layout: Layout, environ: Mapping[str, str], outputs: Sequence[bytes], s
     found = (_probe(outputs[-1] if outputs else None), _from_ledger(layout), _from_members(outputs[:-1]))
     probes = [probe for probe in found if probe is not None]
     names = {os.uname().nodename, *(str(probe.get("hostname", "")) for probe in probes)} - _COMMON_NAMES
-    return Veil(
+    return Anonymizer(
         key=key,
         hides=tuple(hider(probe, key) for probe in probes),
         secrets=secrets,

@@ -15,7 +15,7 @@ from octoform.endpoint.access import tunnel as external_address
 from octoform.endpoint.mcp_clients import formats, merge
 from octoform.endpoint.mcp_clients import install as client_install
 from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
-from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server, Sight
+from octoform.endpoint.mcp_clients.install import ClientState, Outcome, Reach, Server
 from octoform.endpoint.mcp_clients.paths import Surroundings
 from octoform.endpoint.process.record import running
 from octoform.endpoint.publication import client_command, lasting_client_command
@@ -45,7 +45,7 @@ class Listing:
     """Every client, as it is seen on this machine."""
 
     host: str
-    sights: tuple[Sight, ...]
+    sights: tuple[ClientState, ...]
 
 
 def printed(
@@ -73,7 +73,7 @@ def listed(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, l
     layout, found = _layout(project, environ, None)
     if layout is None:
         return None, found
-    return Listing(layout.host, _sights(layout, environ)), found
+    return Listing(layout.host, _states(layout, environ)), found
 
 
 def left_behind(layout: Layout, environ: Mapping[str, str]) -> list[Diagnostic]:
@@ -85,12 +85,12 @@ def left_behind(layout: Layout, environ: Mapping[str, str]) -> list[Diagnostic]:
             path=str(sight.file),
             hint=f"octoform clients remove {sight.client.key} takes it out",
         )
-        for sight in _sights(layout, environ)
+        for sight in _states(layout, environ)
         if sight.state == "installed"
     ]
 
 
-def _sights(layout: Layout, environ: Mapping[str, str]) -> tuple[Sight, ...]:
+def _states(layout: Layout, environ: Mapping[str, str]) -> tuple[ClientState, ...]:
     url, tunnel = _url(layout), external_address.tunnel_now(layout)
     urls = [url] if url else []
     urls += [external_address.through(tunnel, url)] if url and tunnel and tunnel.running else []

@@ -30,7 +30,7 @@ from octoform.graph.model import ANSWER
 from octoform.harness.event_parser import json_object
 from octoform.records import dataclass
 from octoform.state.accepted import observe as observe_files
-from octoform.state.files import shown, write_atomic
+from octoform.state.files import display, write_atomic
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot, Status
 
@@ -419,7 +419,7 @@ def _nothing(layout: Layout, snapshot: Snapshot) -> Diagnostic:
         summary = "the accepted output of PROBE is gone, so there is nothing to report on"
     else:
         summary = "no device is known yet: PROBE has no accepted output"
-    return error("COVERAGE-NOTHING", summary, path=shown(layout.output("probe")), hint="octoform apply makes it")
+    return error("COVERAGE-NOTHING", summary, path=display(layout.output("probe")), hint="octoform apply makes it")
 
 
 def _heard(snapshot: Snapshot) -> dict[str, str]:

@@ -59,7 +59,7 @@ class Run:
 
 @dataclass(frozen=True, slots=True)
 class Disagreement:
-    """One thing in which runs differ about a device: ``said`` are the different words, each with how many runs.
+    """One thing in which runs differ about a device: ``identities`` are the different words, each with how many runs.
 
     ``aspect`` is ``annotated``, ``identity``, ``category`` or ``capability``; ``what`` names the capability.
     """
@@ -142,15 +142,18 @@ def _abilities(run: Run) -> set[Ability]:
     return {Ability(device, name) for device, text in run.devices.items() for name in text.capabilities}
 
 
-def _differences(device: str, said: Sequence[Identity]) -> list[Disagreement]:
+def _differences(device: str, identities: Sequence[Identity]) -> list[Disagreement]:
     """In what the runs differ; of a device that some skipped nothing else is reported."""
-    left = ["skipped" if item.category == LEFT_OUT else "identified" for item in said]
+    left = ["skipped" if item.category == LEFT_OUT else "identified" for item in identities]
     if len(set(left)) > 1:
         return [Disagreement(device, "identified", _counted(left))]
-    fields = {"identity": [item.identified_as for item in said], "category": [item.category for item in said]}
+    fields = {
+        "identity": [item.identified_as for item in identities],
+        "category": [item.category for item in identities],
+    }
     found = [Disagreement(device, aspect, _counted(words)) for aspect, words in fields.items() if len(set(words)) > 1]
-    for name in dict.fromkeys(name for item in said for name in item.capabilities):
-        effects = [item.capabilities[name].effect if name in item.capabilities else MISSING for item in said]
+    for name in dict.fromkeys(name for item in identities for name in item.capabilities):
+        effects = [item.capabilities[name].effect if name in item.capabilities else MISSING for item in identities]
         if len(set(effects)) > 1:
             found.append(Disagreement(device, "capability", _counted(effects), name))
     return found
@@ -177,14 +180,14 @@ def _aligned(runs: Sequence[Run]) -> tuple[list[Run], tuple[Renamed, ...]]:
     return aligned, tuple(Renamed(capability, tuple(names)) for capability, names in sorted(called.items()))
 
 
-def _same_way(said: Sequence[Identity]) -> list[tuple[str, list[str]]]:
+def _same_way(identities: Sequence[Identity]) -> list[tuple[str, list[str]]]:
     """Names of one capability, the most frequent and all: in every run it alone has that effect in that way."""
     found = []
-    for way in dict.fromkeys(way for item in said for way in item.capabilities.values()):
-        in_runs = [[name for name, other in item.capabilities.items() if other == way] for item in said]
+    for way in dict.fromkeys(way for item in identities for way in item.capabilities.values()):
+        in_runs = [[name for name, other in item.capabilities.items() if other == way] for item in identities]
         names = [name for several in in_runs for name in several]
         alone = all(len(several) == 1 for several in in_runs)
-        elsewhere = any(item.capabilities.get(name, way) != way for item in said for name in names)
+        elsewhere = any(item.capabilities.get(name, way) != way for item in identities for name in names)
         if alone and not elsewhere and len(set(names)) > 1:
             found.append((Counter(names).most_common(1)[0][0], names))
     return found
@@ -261,7 +264,7 @@ def _begins(item: Attempt, before: Sequence[Attempt]) -> bool:
 
 def _turn(item: Attempt) -> tuple[int, int]:
     """The place of an attempt among those of its stage: what is taken over, the stage's agent, the one after it."""
-    role = item.told.role
+    role = item.facts.role
     return (0 if role == REUSE else 2 if role == ESCALATE else 1), item.attempt
 
 
@@ -272,7 +275,7 @@ def passes(groups: Iterable[Sequence[Attempt]], output: Output) -> tuple[Pass, .
     for group in groups:
         for item in group:
             value = output(item) if item.stage in _MEMBER and item.state == ACCEPTED else None
-            if value is not None and item.told.role != ESCALATE:
+            if value is not None and item.facts.role != ESCALATE:
                 members = value[_MEMBER[item.stage]]
                 counts[item.stage] = len(members)
                 if item.stage == "identify":
@@ -282,8 +285,8 @@ def passes(groups: Iterable[Sequence[Attempt]], output: Output) -> tuple[Pass, .
 
 
 def _pass(group: Sequence[Attempt], counts: Mapping[str, int | None]) -> Pass:
-    used = [item.told.usage for item in group]
-    asked = [item for item in group if item.told.role != REUSE]
+    used = [item.facts.usage for item in group]
+    asked = [item for item in group if item.facts.role != REUSE]
     return Pass(
         number=group[0].number,
         began=group[0].began,
@@ -291,8 +294,8 @@ def _pass(group: Sequence[Attempt], counts: Mapping[str, int | None]) -> Pass:
         stages=tuple(dict.fromkeys(item.stage for item in group)),
         agents=tuple(dict.fromkeys(agent_of(item) for item in group)),
         attempts=len(asked),
-        retries=len(asked) - len({(item.stage, item.told.role) for item in asked}),
-        seconds=round(sum(item.told.seconds for item in group), 3),
+        retries=len(asked) - len({(item.stage, item.facts.role) for item in asked}),
+        seconds=round(sum(item.facts.seconds for item in group), 3),
         enumerated=counts["probe"],
         annotated=counts["identify"],
         unknown=counts["unknown"],
@@ -311,9 +314,9 @@ def known_sum(values: Iterable[Number | None]) -> Number | None:
 
 def agent_of(item: Attempt) -> str:
     """Who worked: ``pi, openai/x``, or that an output was reused."""
-    if item.told.role == REUSE:
+    if item.facts.role == REUSE:
         return "reused"
-    return f"{item.told.harness}, {item.told.model}" if item.told.model else item.told.harness
+    return f"{item.facts.harness}, {item.facts.model}" if item.facts.model else item.facts.harness
 
 
 def runs(groups: Iterable[Sequence[Attempt]], output: Output) -> list[tuple[Attempt, Run]]:
@@ -337,11 +340,11 @@ def _identified(group: Sequence[Attempt], output: Output) -> tuple[Mapping[str, 
     found: Mapping[str, Any] | None = None
     last = None
     for item in group:
-        if item.stage != "identify" or item.state != ACCEPTED or item.told.role == REUSE:
+        if item.stage != "identify" or item.state != ACCEPTED or item.facts.role == REUSE:
             continue
         value = output(item)
         if value is None:
             continue
-        more = item.told.role == ESCALATE and found is not None
+        more = item.facts.role == ESCALATE and found is not None
         found, last = (merged(found, value) if more and found is not None else value), item
     return found, last

@@ -315,30 +315,30 @@ class InstallResult:
     diagnostics: tuple[Diagnostic, ...]
 
 
-def install(names: Iterable[str], environ: Mapping[str, str], say: Callable[[str], None]) -> InstallResult:
+def install(names: Iterable[str], environ: Mapping[str, str], report: Callable[[str], None]) -> InstallResult:
     """Install each by its name of the manifest; one that fails does not keep the others back."""
-    found = [_one(name, environ, say) for name in dict.fromkeys(names)]
+    found = [_one(name, environ, report) for name in dict.fromkeys(names)]
     return InstallResult(
         tuple(item for item in found if isinstance(item, Installed)),
         tuple(item for item in found if isinstance(item, Diagnostic)),
     )
 
 
-def _one(name: str, environ: Mapping[str, str], say: Callable[[str], None]) -> Installed | Diagnostic:
+def _one(name: str, environ: Mapping[str, str], report: Callable[[str], None]) -> Installed | Diagnostic:
     if name in NOTHING:
         return Installed(name, "nothing", NOTHING[name])
     if name == LITELLM:
-        return _install_litellm(lambda text: say(f"{name}: {text}"))
+        return _install_litellm(lambda text: report(f"{name}: {text}"))
     harness = registry.resolve(HarnessSpec(name), environ)
     if isinstance(harness, Diagnostic):
         return harness
     if not isinstance(harness, ProgramHarness):
         return Installed(name, "nothing", "it needs no program")
-    setup = Setup(installed.folder(environ), environ, _fetch, lambda text: say(f"{name}: {text}"))
+    setup = Setup(installed.folder(environ), environ, _fetch, lambda text: report(f"{name}: {text}"))
     done = installer.install(harness.adapter.pin, setup)
     if isinstance(done, Diagnostic):
         return done
-    state = "installed" if done.anew else "present"
+    state = "installed" if done.is_new else "present"
     return Installed(name, state, str(done.home), done.pin.version, str(done.program), done.node)
 
 
@@ -359,7 +359,7 @@ def _uv(arguments: list[str], folder: Path) -> str | None:
     return None if done.status == 0 else reason(done)
 
 
-def _install_litellm(say: Callable[[str], None]) -> Installed | Diagnostic:
+def _install_litellm(report: Callable[[str], None]) -> Installed | Diagnostic:
     """The package that octoform's own extra names."""
     version = _version(LITELLM)
     if version is not None:
@@ -370,7 +370,7 @@ def _install_litellm(say: Callable[[str], None]) -> Installed | Diagnostic:
     if foreign is not None:
         summary = f"litellm belongs into octoform's own environment, {sys.prefix}, which is not octoform's to change"
         return error("HARNESS-INSTALL-FOREIGN", summary, hint=f"run: {foreign}")
-    say(f"installing {requirement} into {sys.prefix}")
+    report(f"installing {requirement} into {sys.prefix}")
     with TemporaryDirectory(prefix="octoform-install-") as folder:
         problem = _uv([*command[1:3], "--quiet", *command[3:]], Path(folder))
     if problem is not None:

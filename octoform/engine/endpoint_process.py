@@ -43,7 +43,7 @@ def start(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, li
     if layout is None:
         return None, found
     before = running(layout)
-    return _start(layout, environ, before, anew=before is None)
+    return _start(layout, environ, before, again=before is None)
 
 
 def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, list[Diagnostic]]:
@@ -58,16 +58,16 @@ def restart(project: Path, environ: Mapping[str, str]) -> tuple[Started | None, 
     if problem is not None:
         return None, [problem]
     before = running(layout) if of_another(layout) else start_stop.stop(layout).process
-    return _start(layout, environ, before, anew=True)
+    return _start(layout, environ, before, again=True)
 
 
 def _start(
-    layout: Layout, environ: Mapping[str, str], before: Running | None, *, anew: bool
+    layout: Layout, environ: Mapping[str, str], before: Running | None, *, again: bool
 ) -> tuple[Started | None, list[Diagnostic]]:
-    """``anew``: nothing runs, or what does is to be ended; what was written for another folder becomes this one's."""
+    """``again``: nothing runs, or what does is to be ended; what was written for another folder becomes this one's."""
     tunnel.allow(layout)
     try:
-        foreign = of_another(layout) if anew else None
+        foreign = of_another(layout) if again else None
         if foreign is not None:
             from octoform.engine.unattended.session import take_over  # heavy, and once in the life of a copy
 
@@ -195,11 +195,11 @@ def install(unit: Unit) -> tuple[Running | None, list[Diagnostic]]:
             return None, [problem]
     record.unmark(unit.layout)
     for words in (("daemon-reload",), ("enable", "--now", unit.name)):
-        if problem := _told(*words):
+        if problem := _notify_systemd(*words):
             return None, [problem]
     process, problem = start_stop.start(unit.layout)
     if process is not None:
-        problem = _told("enable", "--now", unit.watch.name)
+        problem = _notify_systemd("enable", "--now", unit.watch.name)
     return (None if problem else process), [problem] if problem else []
 
 
@@ -210,18 +210,18 @@ def uninstall(unit: Unit) -> tuple[bool, list[Diagnostic]]:
     """
     if not unit.path.exists() and not unit.watch.path.exists():
         return False, []
-    problems = [_told("disable", "--now", unit.watch.name)] if unit.watch.path.exists() else []
+    problems = [_notify_systemd("disable", "--now", unit.watch.name)] if unit.watch.path.exists() else []
     unit.watch.path.unlink(missing_ok=True)
     if unit.path.exists():
         problems.append(record.mark(unit.layout))
-        problems.append(_told("disable", "--now", unit.name))
+        problems.append(_notify_systemd("disable", "--now", unit.name))
         start_stop.stop(unit.layout)
         unit.path.unlink(missing_ok=True)
-    problems.append(_told("daemon-reload"))
+    problems.append(_notify_systemd("daemon-reload"))
     return True, [item for item in problems if item]
 
 
-def _told(*words: str) -> Diagnostic | None:
+def _notify_systemd(*words: str) -> Diagnostic | None:
     answer = systemd.systemctl(*words)
     if answer.status == 0:
         return None

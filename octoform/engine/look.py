@@ -23,7 +23,7 @@ from octoform.perception.capture import FROZEN_PICTURES, Taken, take
 from octoform.perception.frames import Camera, Record, keep
 from octoform.records import dataclass
 from octoform.state.artifact_cache import read_instances
-from octoform.state.files import foreign, read_regular, refused, shown, write_atomic
+from octoform.state.files import display, foreign, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 PERCEIVE = "step.perceive"
@@ -57,10 +57,10 @@ class Look:
     found: tuple[Diagnostic, ...] = field(default=())
 
     @property
-    def trouble(self) -> str | None:
+    def problem(self) -> str | None:
         """Why the picture shows nothing (``black``, ``uniform``, ``frozen``); None for one that does, and for none."""
         frame = self.record.current if self.record else None
-        return frame.trouble if frame and isinstance(self.outcome, Taken) else None
+        return frame.problem if frame and isinstance(self.outcome, Taken) else None
 
     @property
     def suspected(self) -> bool:
@@ -83,7 +83,7 @@ def open_eye(
     artifacts = {stage: _artifact(compiled.layout, stage) for stage in _STAGES}
     absent = next((stage for stage in _STAGES if not artifacts[stage]), None)
     if problem is None and absent is not None:
-        path = shown(compiled.layout.output(absent))
+        path = display(compiled.layout.output(absent))
         summary = f"{absent} has no accepted output yet"
         problem = error("ARTIFACT-MISSING", summary, path=path, hint="octoform apply makes it")
     if problem is not None:
@@ -187,7 +187,7 @@ def _proved(layout: Layout) -> tuple[Camera | None, list[Diagnostic]]:
         return Camera.model_validate(camera), []
     except ValidationError:
         hint = "octoform apply -replace step.perceive makes it again"
-        return None, [error("PERCEPTION-NO-CAMERA", "the step perceive names no camera", path=shown(path), hint=hint)]
+        return None, [error("PERCEPTION-NO-CAMERA", "the step perceive names no camera", path=display(path), hint=hint)]
 
 
 def _no_such(device: str, known: tuple[camera_selection.Camera, ...]) -> Diagnostic:

@@ -221,8 +221,8 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
 def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
     """The draft and the name of the profile in it; what the owner answered goes before what the device reports."""
     product, maker = _named_in(answer), ""
-    if not product and not is_chip_name(_said(device, "product"), str(device.get("raw_descriptor", ""))):
-        product, maker = _said(device, "product"), _said(device, "manufacturer")
+    if not product and not is_chip_name(_text_of(device, "product"), str(device.get("raw_descriptor", ""))):
+        product, maker = _text_of(device, "product"), _text_of(device, "manufacturer")
     called = product if maker.casefold() in product.casefold() else f"{maker} {product}".strip()
     name = _slug(called) or _slug(device["id"]) or "device"
     tests = []
@@ -250,7 +250,7 @@ def _named_in(answer: str) -> str:
     return _BEHIND.split(found, maxsplit=1)[0].strip(" .,;:!")[:120]
 
 
-def _said(device: Mapping[str, Any], key: str) -> str:
+def _text_of(device: Mapping[str, Any], key: str) -> str:
     """The device's own string under a key of its PROBE text: of what is between PROBE's marks the longest part."""
     found = re.search(rf"^{key}: (.{{1,120}})$", str(device.get("raw_descriptor", "")), re.MULTILINE)
     parts = _MARKS.split(found[1]) if found else [""]

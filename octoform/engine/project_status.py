@@ -38,7 +38,7 @@ class Process:
     """
 
     running: Running | None = None
-    told: Mapping[str, Any] | None = None
+    reported: Mapping[str, Any] | None = None
     estop: Mapping[str, Any] | None = None
     tokens: int = 0
 
@@ -94,8 +94,8 @@ def _compared(layout: Layout, plan: Plan) -> Status:
         return Status(plan.host, plan.empty, reasons, plan, process=process, others=others)
     listed, problems = list_tools(layout, start=False)
     names = tuple(str(tool["name"]) for tool in listed)
-    unread = [_told(item) for item in tokens.listed(layout)[1]]
-    reasons = (*facts.reasons, *_trouble(process, problems), *_tunnel(layout, process), *unread)
+    unread = [_describe(item) for item in tokens.listed(layout)[1]]
+    reasons = (*facts.reasons, *_problem_texts(process, problems), *_tunnel(layout, process), *unread)
     if not problems and set(names) != set(promised(layout)) - hidden(layout):
         reasons = (*reasons, "the endpoint's tools are not those of INTERFACE")
     return Status(plan.host, plan.empty, reasons, plan, names, process, problems, others)
@@ -105,10 +105,10 @@ def _process(layout: Layout) -> Process:
     found = running(layout)
     result = record.ask(layout, {"op": "status"}) if found else None
     count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
-    return Process(found, result, _latched(layout), count)
+    return Process(found, result, _engaged_estop(layout), count)
 
 
-def _latched(layout: Layout) -> Mapping[str, Any] | None:
+def _engaged_estop(layout: Layout) -> Mapping[str, Any] | None:
     """What engaged the emergency stop; whatever is in the latch's place holds it, readable or not."""
     try:
         words = files.read_json(layout.run / LATCH, any_text=True)
@@ -119,19 +119,19 @@ def _latched(layout: Layout) -> Mapping[str, Any] | None:
         return {"by": "unknown", "reason": "its file cannot be read", "since": ""}
 
 
-def _trouble(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
-    reasons = [_told(item) for item in problems]
-    if process.told is None or "error" in process.told:
+def _problem_texts(process: Process, problems: Sequence[Diagnostic]) -> tuple[str, ...]:
+    reasons = [_describe(item) for item in problems]
+    if process.reported is None or "error" in process.reported:
         reasons.append("the endpoint's process does not answer octoform's own questions")
     return tuple(reasons)
 
 
 def _tunnel(layout: Layout, process: Process) -> list[str]:
     """What is promised to the internet and cannot be reached from there; a process that is silent is told already."""
-    if process.told is None or "error" in process.told or (problem := no_tunnel(tunnel_now(layout))) is None:
+    if process.reported is None or "error" in process.reported or (problem := no_tunnel(tunnel_now(layout))) is None:
         return []
     return [problem.summary]  # why is told with what the process says of its tunnel
 
 
-def _told(item: Diagnostic) -> str:
+def _describe(item: Diagnostic) -> str:
     return f"{item.summary}: {item.detail.splitlines()[0]}" if item.detail else item.summary

@@ -52,7 +52,7 @@ class AskingView(RunView, Protocol):
     def question(self, question: OpenQuestion) -> str:
         """Ask the person; an empty text passes the question over."""
 
-    def answered(self, told: Answered | None, found: list[Diagnostic]) -> None:
+    def answered(self, answered_now: Answered | None, found: list[Diagnostic]) -> None:
         """Show what became of the answer."""
 
 

@@ -19,7 +19,7 @@ from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES
 from octoform.base.files import TEMPORARY, read_plain, replace, sync_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.engine import anonymizer
-from octoform.engine.anonymizer import Veil, veil
+from octoform.engine.anonymizer import Anonymizer, anonymizer_of
 from octoform.engine.inspect.attempts import Attempt, of_host, run_of
 from octoform.harness import recording, transcript
 from octoform.harness.event_parser import json_object
@@ -29,7 +29,7 @@ from octoform.harness.recording import MOST_BYTES as MAX_RECORDING_BYTES
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.records import dataclass
-from octoform.state.files import read_regular, refused, shown
+from octoform.state.files import display, read_regular, refused
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.store.lock import acquire
 
@@ -93,7 +93,7 @@ def _taken(target: Path, why: str) -> Diagnostic:
     return error(
         "RECORD-FOLDER",
         "this folder is not overwritten",
-        path=shown(target),
+        path=display(target),
         detail=why,
         hint="name a new folder, or one that holds a recording and nothing else",
     )
@@ -183,7 +183,7 @@ def _gather(
     if not chosen:
         hint = "octoform apply makes attempts; only those that it has kept and that ended accepted can be recorded"
         return gathered, [error("RECORD-NOTHING", "there is no accepted run of any stage to record", hint=hint)]
-    covering = veil(layout, environ, [_output_bytes(item) for item in chosen.get("probe", [])], secrets)
+    covering = anonymizer_of(layout, environ, [_output_bytes(item) for item in chosen.get("probe", [])], secrets)
     found = []
     for stage in STAGES:
         if stage not in chosen:
@@ -197,7 +197,7 @@ def _gather(
 
 
 def _stage(
-    layout: Layout, stage: str, run: Sequence[Attempt], covering: Veil, gathered: _Gathered
+    layout: Layout, stage: str, run: Sequence[Attempt], covering: Anonymizer, gathered: _Gathered
 ) -> Diagnostic | None:
     for item in run:
         folder = f"{stage}-{item.attempt}"
@@ -206,7 +206,7 @@ def _stage(
             data, problem = read_regular(layout.output(stage))
             if data is None:
                 summary = f"the accepted artifact of {stage} is not there"
-                return problem or error("ARTIFACT-MISSING", summary, path=shown(layout.output(stage)))
+                return problem or error("ARTIFACT-MISSING", summary, path=display(layout.output(stage)))
             output: recording.Output | None = recording.Output(name=layout.output(stage).name)
             gathered.accepted.add(f"{folder}/{layout.output(stage).name}")
         else:
@@ -216,7 +216,7 @@ def _stage(
 
 
 def _attempt(
-    item: Attempt, folder: str, within: Veil, left: tuple[recording.Output | None, bytes], gathered: _Gathered
+    item: Attempt, folder: str, within: Anonymizer, left: tuple[recording.Output | None, bytes], gathered: _Gathered
 ) -> recording.Attempt:
     """The entry of one attempt; its files join the others."""
     record, (output, data) = item.record, left
@@ -243,23 +243,23 @@ def _attempt(
         accepted=record.accepted,
         refused=item.codes,
         output=output,
-        spec_edit=add(SPEC_COPY, _told(edited, within)) if edited is not None else None,
+        spec_edit=add(SPEC_COPY, _anonymized(edited, within)) if edited is not None else None,
         transcript=add("transcript.jsonl", _veiled(moments, within)) if moments else None,
     )
 
 
-def _told(data: bytes, within: Veil) -> bytes:
+def _anonymized(data: bytes, within: Anonymizer) -> bytes:
     return within.text(data.decode("utf-8", "replace")).encode("utf-8")
 
 
-def _veiled(moments: Sequence[transcript.Moment], within: Veil) -> bytes:
+def _veiled(moments: Sequence[transcript.Moment], within: Anonymizer) -> bytes:
     return transcript.encode(
         transcript.Moment(item.at, transcript.with_text(item.event, within.talk(transcript.text_of(item.event))))
         for item in moments
     )
 
 
-def _left(item: Attempt, within: Veil) -> tuple[recording.Output | None, bytes]:
+def _left(item: Attempt, within: Anonymizer) -> tuple[recording.Output | None, bytes]:
     """What a refused attempt left where its output belongs."""
     name = OUTPUT_NAMES.get(item.stage, "output.json")
     try:
@@ -285,7 +285,7 @@ def _missing(stage: str) -> Diagnostic:
     return warning("RECORD-INCOMPLETE", f"there is no whole accepted run of {stage}; it is skipped", hint=hint)
 
 
-def _instances(gathered: _Gathered, covering: Veil) -> list[Diagnostic]:
+def _instances(gathered: _Gathered, covering: Anonymizer) -> list[Diagnostic]:
     return [
         error(
             "RECORD-PERSONAL",

@@ -128,7 +128,7 @@ def _layout(project: Path, environ: Environ) -> tuple[Layout | None, list[Diagno
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class TokenValue:
     """A token's value and the private file that keeps it."""
 
     value: str
@@ -152,13 +152,13 @@ def list_tokens(project: Path, environ: Environ) -> tuple[tuple[Token, ...] | No
     return (None, found) if found else (listed, [])
 
 
-def show_token(project: Path, environ: Environ, name: str) -> tuple[Shown | None, list[Diagnostic]]:
+def show_token(project: Path, environ: Environ, name: str) -> tuple[TokenValue | None, list[Diagnostic]]:
     """The value of a token."""
     layout, found = layout_of(project, environ)
     if layout is None:
         return None, found
     value, found = tokens.value_of(layout, name)
-    return (None, found) if value is None else (Shown(value, tokens.path_of(layout, name)), [])
+    return (None, found) if value is None else (TokenValue(value, tokens.path_of(layout, name)), [])
 
 
 def rotate_token(project: Path, environ: Environ, name: str) -> tuple[Made | None, list[Diagnostic]]:

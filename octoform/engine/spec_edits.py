@@ -26,7 +26,7 @@ from octoform.state.model import NodeState
 
 
 @dataclass(frozen=True, slots=True)
-class Shown:
+class EditView:
     """A waiting edit beside the spec of today.
 
     ``diff`` are the lines of a unified diff. ``moved``: the spec is no longer the one that was edited. ``accepted``:
@@ -43,7 +43,7 @@ class Shown:
 
 def waiting(
     project: Path, environ: Mapping[str, str], stage: str | None
-) -> tuple[tuple[Shown, ...] | None, list[Diagnostic]]:
+) -> tuple[tuple[EditView, ...] | None, list[Diagnostic]]:
     """Every waiting edit, or that of one stage; None with the reason when the project or the name is wrong."""
     opened, found = open_project(project, environ)
     found += _unknown(project, stage)
@@ -55,7 +55,7 @@ def waiting(
         for edit in attempts.waiting_edits(opened.compiled.layout)
         if edit.stage in known and stage in (None, edit.stage)
     ]
-    return tuple(_shown(opened, edit) for edit in edits), found
+    return tuple(_view_of(opened, edit) for edit in edits), found
 
 
 def promote(project: Path, environ: Mapping[str, str], stage: str) -> list[Diagnostic]:
@@ -127,9 +127,9 @@ def _nothing(stage: str) -> Diagnostic:
     return error("SPEC-NO-EDIT", f"no agent's edit of the spec of {stage} waits here", hint=hint)
 
 
-def _shown(opened: Found, edit: PendingEdit) -> Shown:
+def _view_of(opened: Found, edit: PendingEdit) -> EditView:
     spec, known = opened.compiled.specs[edit.stage], opened.snapshot.nodes.get(edit.stage)
-    return Shown(
+    return EditView(
         stage=edit.stage,
         path=f"protocol/{own_path(edit.stage)}",
         diff=unified(spec.text, edit.text),

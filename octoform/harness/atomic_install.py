@@ -25,7 +25,7 @@ class Setup:
     folder: Path
     environ: Mapping[str, str]
     fetch: Fetch
-    say: Callable[[str], None]
+    report: Callable[[str], None]
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,11 +42,11 @@ class Slot:
     seal: Callable[[], Diagnostic | None] = lambda: None
 
 
-def filled(slot: Slot, say: Callable[[str], None]) -> Diagnostic | None:
+def filled(slot: Slot, report: Callable[[str], None]) -> Diagnostic | None:
     """Make the slot's folder unless it is whole; what went wrong, or None. OSError when it cannot be written."""
     home = slot.home
     home.parent.mkdir(parents=True, exist_ok=True)
-    with _alone(home.parent / f".{home.name}.lock", lambda: say("waiting for another installation of it")):
+    with _alone(home.parent / f".{home.name}.lock", lambda: report("waiting for another installation of it")):
         if slot.whole():
             return None
         staging = home.parent / f".{home.name}.partial"

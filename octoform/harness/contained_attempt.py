@@ -127,10 +127,10 @@ def _contained(task: Task, invocation: Invocation, progress: ProgressSink) -> Ou
     return _unconfined(found, confined.summary) if isinstance(confined, Diagnostic) else found
 
 
-def _unconfined(told: Outcome, why: str) -> Outcome:
+def _unconfined(outcome: Outcome, why: str) -> Outcome:
     """The outcome of an agent that no sandbox held, with what follows from that."""
-    lines = [told.detail, f"it ran without a sandbox: {why}"]
-    return replace(told, unconfined=why, detail="; ".join(text for text in lines if text))
+    lines = [outcome.detail, f"it ran without a sandbox: {why}"]
+    return replace(outcome, unconfined=why, detail="; ".join(text for text in lines if text))
 
 
 def _piped(task: Task, invocation: Invocation) -> bytes:
@@ -184,8 +184,8 @@ def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReaso
         return watcher.reason
     if ended.reason != "ended":
         return REASONS.get(ended.reason, ExitReason.CRASHED)
-    if watcher.trouble is not None:
-        return watcher.trouble.reason
+    if watcher.problem is not None:
+        return watcher.problem.reason
     if watcher.closed is not None and watcher.closed.ok:
         return ExitReason.FINISHED
     return ExitReason.FINISHED if ended.status == 0 and not _silent(invocation, watcher) else ExitReason.CRASHED
@@ -193,7 +193,7 @@ def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReaso
 
 def _silent(invocation: Invocation, watcher: Watcher) -> bool:
     """Nothing told how the run went, where something always does."""
-    return invocation.closes and watcher.closed is None and watcher.trouble is None
+    return invocation.closes and watcher.closed is None and watcher.problem is None
 
 
 def _usage(task: Task, watcher: Watcher) -> Usage:
@@ -228,7 +228,7 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
 def _words(ended: Ended, watcher: Watcher) -> str:
     """What the program itself said of its end; where that is nothing, what it complained of last as it failed."""
     closed = watcher.closed
-    lines = [watcher.trouble.text] if watcher.trouble is not None else []
+    lines = [watcher.problem.text] if watcher.problem is not None else []
     lines += [closed.text] if closed is not None and not closed.ok and closed.text else []
     if not lines and closed is None and ended.reason == "ended" and ended.status and watcher.last_words:
         lines.append(f"its last output: {watcher.last_words}")

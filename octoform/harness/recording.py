@@ -16,7 +16,7 @@ from pydantic import Field, ValidationError
 from octoform.base.files import parse, record
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness.port import ExitReason
-from octoform.state.files import read_regular, shown
+from octoform.state.files import display, read_regular
 from octoform.state.model import Persisted, Usage
 
 FORMAT = 1
@@ -133,7 +133,7 @@ def _missing(folder: Path) -> Diagnostic:
     return error(
         "HARNESS-NO-RECORDING",
         "there is no recording in this folder",
-        path=shown(folder),
+        path=display(folder),
         hint="`octoform attempts record DIR` makes one of the last run",
     )
 
@@ -142,7 +142,7 @@ def _broken(folder: Path, what: str) -> Diagnostic:
     return error(
         "HARNESS-RECORDING-BROKEN",
         "this recording cannot be played",
-        path=shown(folder / FILE_NAME),
+        path=display(folder / FILE_NAME),
         detail=what,
         hint="record the run again with `octoform attempts record`",
     )

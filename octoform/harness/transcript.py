@@ -16,11 +16,11 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
-    Said,
+    ModelProblem,
+    Output,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -73,12 +73,12 @@ def used(moments: Iterable[Moment]) -> tuple[int | None, Usage]:
 
 def text_of(event: AgentEvent) -> str:
     """The words of an event; empty where it has none."""
-    return event.text if isinstance(event, Said | ToolCalled | Trouble | Closed) else ""
+    return event.text if isinstance(event, Output | ToolCalled | ModelProblem | Closed) else ""
 
 
 def with_text(event: AgentEvent, text: str) -> AgentEvent:
     """The event with another text, where it has one."""
-    return replace(event, text=text) if isinstance(event, Said | ToolCalled | Trouble | Closed) else event
+    return replace(event, text=text) if isinstance(event, Output | ToolCalled | ModelProblem | Closed) else event
 
 
 def _line(moment: Moment) -> bytes:
@@ -91,7 +91,7 @@ def _event(value: dict[str, Any]) -> AgentEvent | None:
     text = _text(value.get("text"))
     match value.get("event"):
         case "said":
-            return Said(text)
+            return Output(text)
         case "tool_called":
             return ToolCalled(_text(value.get("tool")), text)
         case "tool_returned":
@@ -102,7 +102,7 @@ def _event(value: dict[str, Any]) -> AgentEvent | None:
             return Totals(_usage(value))
         case "trouble":
             reason = REASONS.get(_text(value.get("reason")), ExitReason.CRASHED)
-            return Trouble(reason, text, value.get("final") is True)
+            return ModelProblem(reason, text, value.get("final") is True)
         case "closed":
             return Closed(value.get("ok") is True, text)
     return None

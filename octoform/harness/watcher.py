@@ -20,15 +20,15 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Price,
     ProgressSink,
     Replying,
-    Said,
     TaskLimits,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -39,12 +39,12 @@ CLOSING_SECONDS = 10.0
 LONGEST_LINE = 8 << 20
 TRANSCRIPT_BYTES = 4 << 20
 KINDS = {
-    Said: "said",
+    Output: "said",
     ToolCalled: "tool_called",
     ToolReturned: "tool_returned",
     Turn: "turn",
     Totals: "totals",
-    Trouble: "trouble",
+    ModelProblem: "trouble",
     Closed: "closed",
 }
 
@@ -57,7 +57,7 @@ class _Seen:
     turns: int = 0
     usage: Usage = field(default_factory=Usage)
     totals: Usage | None = None
-    trouble: Trouble | None = None
+    problem: ModelProblem | None = None
     trouble_since: float = 0.0
     closed: Closed | None = None
     closed_at: float = 0.0
@@ -114,9 +114,9 @@ class Watcher:
         return used
 
     @property
-    def trouble(self) -> Trouble | None:
+    def problem(self) -> ModelProblem | None:
         """What the model's side complained of last, unless the run went on after it."""
-        return self._seen.trouble
+        return self._seen.problem
 
     @property
     def closed(self) -> Closed | None:
@@ -168,24 +168,24 @@ class Watcher:
             self._take(self._clean(event))
 
     def _clean(self, event: AgentEvent) -> AgentEvent:
-        if isinstance(event, Said | ToolCalled | Trouble | Closed):
+        if isinstance(event, Output | ToolCalled | ModelProblem | Closed):
             return replace(event, text=redacted(event.text, self._secrets))
         return event
 
     def _verdict(self) -> ExitReason | None:
         now, seen, limits = self._clock(), self._seen, self._limits
-        if seen.closed is not None and seen.closed.ok and seen.trouble is None:
+        if seen.closed is not None and seen.closed.ok and seen.problem is None:
             # Done by its own word: what keeps it from leaving is no part of its work.
             return ExitReason.FINISHED if now - seen.closed_at > CLOSING_SECONDS else None
-        if seen.trouble is not None and (seen.trouble.final or now - seen.trouble_since > limits.patience_seconds):
-            return seen.trouble.reason
+        if seen.problem is not None and (seen.problem.final or now - seen.trouble_since > limits.patience_seconds):
+            return seen.problem.reason
         if limits.turns is not None and seen.turns > limits.turns:
             return ExitReason.TURN_LIMIT
         cost = self.usage.cost_usd
         if limits.usd is not None and cost is not None and cost > limits.usd:
             return ExitReason.BUDGET
         if limits.idle_seconds is not None and now - seen.active > limits.idle_seconds:
-            return seen.trouble.reason if seen.trouble is not None else ExitReason.IDLE
+            return seen.problem.reason if seen.problem is not None else ExitReason.IDLE
         return None
 
     def _take(self, event: AgentEvent) -> None:
@@ -194,7 +194,7 @@ class Watcher:
             return
         if self._transcript is not None:
             self._transcript.write(event, self._clock() - self._began)
-        if isinstance(event, Said):
+        if isinstance(event, Output):
             self._plain.feed(event.text.encode() + b"\n")
         else:
             self._tell(event)
@@ -202,16 +202,16 @@ class Watcher:
     def _note(self, event: AgentEvent) -> None:
         seen = self._seen
         match event:
-            case Trouble():
-                seen.trouble_since = self._clock() if seen.trouble is None else seen.trouble_since
-                seen.trouble = event
+            case ModelProblem():
+                seen.trouble_since = self._clock() if seen.problem is None else seen.trouble_since
+                seen.problem = event
                 return
             case Turn():
                 seen.turns += 1
                 seen.usage = added(seen.usage, event.usage)
-                seen.trouble = None
+                seen.problem = None
             case ToolCalled() | ToolReturned():
-                seen.trouble = None
+                seen.problem = None
             case Replying():
                 # It may yet be cut off, so the trouble stands; but a long reply is no trying again.
                 seen.trouble_since = self._clock()
@@ -222,7 +222,7 @@ class Watcher:
         seen.active = self._clock()
 
     def _say(self, text: str, _: float) -> None:
-        event = Said(text)
+        event = Output(text)
         if text and self._dialect is None and self._transcript is not None:
             self._transcript.write(event, self._clock() - self._began)
         self._tell(event)

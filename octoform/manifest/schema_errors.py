@@ -184,7 +184,7 @@ def check(root: Table, report: ProblemList) -> Document | None:
         for item in failure.errors(include_url=False, include_input=False):
             loc = tuple(part for part in item["loc"] if part not in TAGS)
             if not report.is_settled(loc):
-                _Problem(root, report, loc, item["type"], item.get("ctx", {})).tell()
+                _Problem(root, report, loc, item["type"], item.get("ctx", {})).report()
     return None
 
 
@@ -222,7 +222,7 @@ class _Problem:
             self._loc = loc[:-1]
         self._context = context
 
-    def tell(self) -> None:
+    def report(self) -> None:
         """Report it."""
         telling: dict[str, Callable[[], None]] = {
             "missing": self._missing,

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.contracts.name_clues import same_action
 from octoform.contracts.rules.topology_rules import sharing
-from octoform.endpoint.client.check import trial_arguments
+from octoform.endpoint.client.check import sample_arguments
 from octoform.records import dataclass
 
 _CAPTURE = same_action("capture_image")
@@ -95,7 +95,7 @@ def _arguments(tool: Mapping[str, Any], device: str) -> dict[str, Any] | None:
 
     A test's arguments are not taken: they are chosen to be quick, and may ask for a picture of a few pixels.
     """
-    least = trial_arguments({key: value for key, value in tool.items() if key != "smoke"})
+    least = sample_arguments({key: value for key, value in tool.items() if key != "smoke"})
     if least is None:
         given = tool.get("smoke")
         smoke = given.get("arguments", {}) if isinstance(given, Mapping) else {}

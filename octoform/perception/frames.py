@@ -32,7 +32,7 @@ from octoform.perception.capture import (
     noisy,
     repeated,
 )
-from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
+from octoform.state.files import display, make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 MOST_CHANGES = 40
@@ -87,7 +87,7 @@ class Frame(_Kept):
         return Picture(self.mean, self.spread, base64.b64decode(self.thumb), self.pixels, self.grain)
 
     @property
-    def trouble(self) -> str | None:
+    def problem(self) -> str | None:
         """Why the picture shows nothing: ``black``, ``uniform``, ``frozen``; None for one that shows something."""
         return self.complaint or ("frozen" if self.frozen else None)
 
@@ -136,7 +136,7 @@ def with_picture(record: Record | None, taken: Taken, camera: Mapping[str, Any],
     summary = known.summary
     counted = {
         "looks": summary.looks + 1,
-        **{name: getattr(summary, name) + (frame.trouble == name) for name in ("black", "uniform", "frozen")},
+        **{name: getattr(summary, name) + (frame.problem == name) for name in ("black", "uniform", "frozen")},
         "changes": _bounded([*summary.changes, *_changes(known, before, frame)]),
     }
     previous = before.model_copy(update={"file": _name("previous", before.mime)}) if before else None
@@ -177,8 +177,8 @@ def words(record: Record) -> str:
         unknown = f"since the picture of {last.at}" if last else "at any time"
         lines.append(f"No picture since {record.absent.since} because {record.absent.reason}.")
         lines.append(f"The physical state is unknown {unknown}.")
-    elif last is not None and last.trouble:
-        lines.append(f"The picture of {last.at} through {last.camera.device} shows nothing: it is {last.trouble}.")
+    elif last is not None and last.problem:
+        lines.append(f"The picture of {last.at} through {last.camera.device} shows nothing: it is {last.problem}.")
         lines.append("The physical state is unknown.")
     elif last is not None:
         figures = f"mean {last.mean:g}, spread {last.spread:g}"
@@ -234,9 +234,9 @@ def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:
         return [*found, f"{frame.at}: first picture through {frame.camera.device}"]
     if frame.camera != before.camera:
         found.append(f"{frame.at}: another view, {frame.camera.device}")
-    if frame.trouble != before.trouble:
-        found.append(f"{frame.at}: {frame.trouble or 'it shows something again'}")
-    elif frame.trouble is None and frame.difference is not None and frame.difference >= CHANGED:
+    if frame.problem != before.problem:
+        found.append(f"{frame.at}: {frame.problem or 'it shows something again'}")
+    elif frame.problem is None and frame.difference is not None and frame.difference >= CHANGED:
         found.append(f"{frame.at}: changed by {frame.difference:g}")
     return found
 
@@ -276,7 +276,7 @@ def read(layout: Layout) -> tuple[Record | None, list[Diagnostic]]:
         return Record.model_validate_json(data), []
     except ValidationError:
         summary = "this is no record of frames; it is begun again"
-        return None, [warning("PERCEPTION-FRAMES", summary, path=shown(path), hint="nothing has to be done")]
+        return None, [warning("PERCEPTION-FRAMES", summary, path=display(path), hint="nothing has to be done")]
 
 
 def keep(

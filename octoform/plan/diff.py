@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 
 from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_of, key_parts
-from octoform.plan.model import Action, Cause, Change, Loan, PlannedAction, Reason
+from octoform.plan.model import Action, Cause, Change, PlannedAction, Reason, Reuse
 from octoform.records import dataclass
 
 
@@ -205,7 +205,7 @@ Offers = Mapping[str, tuple[Offer, ...]]
 """Stage to what is offered for it."""
 
 
-def with_loans(
+def with_reuse(
     graph: Graph, actions: tuple[PlannedAction, ...], prior: Mapping[str, Prior], offers: Offers
 ) -> tuple[PlannedAction, ...]:
     """The actions, with a loan on each that another host's output can (or may, once its inputs are known) stand for."""
@@ -215,7 +215,7 @@ def with_loans(
         if action.calls_agent:
             node = graph.node(action.node)
             outputs[node.name] = None
-            loan = _loan(node, action, outputs, offers.get(node.name, ()))
+            loan = _reuse(node, action, outputs, offers.get(node.name, ()))
             if loan is not None:
                 action = replace(action, loan=loan, calls_agent=not loan.certain, calls_model=_may_call(action, loan))
                 outputs[node.name] = loan.output_digest if loan.certain else None
@@ -223,13 +223,13 @@ def with_loans(
     return tuple(out)
 
 
-def _may_call(action: PlannedAction, loan: Loan) -> bool:
-    return action.calls_model and not loan.certain
+def _may_call(action: PlannedAction, reuse: Reuse) -> bool:
+    return action.calls_model and not reuse.certain
 
 
-def _loan(
+def _reuse(
     node: Node, action: PlannedAction, outputs: Mapping[str, str | None], offers: tuple[Offer, ...]
-) -> Loan | None:
+) -> Reuse | None:
     if node.kind is not NodeKind.STAGE or any(reason.cause in WANTED_ANEW for reason in action.reasons):
         return None
     inputs = {name: outputs.get(name) or "" for name in node.consumes}
@@ -237,9 +237,9 @@ def _loan(
     parts = key_parts(node, inputs, None)
     for offer in offers:
         if known and key_of(parts) == key_of(offer.parts):
-            return Loan(offer.host, offer.output_digest, certain=action.certain)
+            return Reuse(offer.host, offer.output_digest, certain=action.certain)
         if not known and _without_inputs(parts) == _without_inputs(offer.parts):
-            return Loan(offer.host, offer.output_digest, certain=False)
+            return Reuse(offer.host, offer.output_digest, certain=False)
     return None
 
 

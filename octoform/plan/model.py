@@ -54,7 +54,7 @@ class Reason:
 
 
 @dataclass(frozen=True, slots=True)
-class Loan:
+class Reuse:
     """An accepted output of another host that stands for a run of this stage's agent.
 
     ``certain``: the key is known to be the same. Else it fits as far as is known before the inputs are.
@@ -85,7 +85,7 @@ class PlannedAction:
     calls_model: bool = False
     escalate: Agent | None = None
     last: Mapping[str, object] = field(default_factory=dict)
-    loan: Loan | None = None
+    loan: Reuse | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +125,7 @@ class OpenQuestion:
 
 
 @dataclass(frozen=True, slots=True)
-class ToldDevice:
+class NamedDevice:
     """A device that is named, and how much a person had to say for that: tier 1 nothing, 2 a name, 3 a description."""
 
     device: str
@@ -179,7 +179,7 @@ class Plan:
     dirty: tuple[str, ...] = ()
     changes: tuple[Change, ...] = ()
     questions: tuple[OpenQuestion, ...] = ()
-    devices: tuple[ToldDevice, ...] = ()
+    devices: tuple[NamedDevice, ...] = ()
     profiles: tuple[ProfileUse, ...] = ()
     near: tuple[NearProfile, ...] = ()
     tier1: bool = False
@@ -240,7 +240,7 @@ def from_json(data: Mapping[str, Any]) -> Plan:
     fields["actions"] = tuple(_read_action(item) for item in data["actions"])
     fields["changes"] = tuple(Change(**{**item, "action": Action(item["action"])}) for item in data["changes"])
     fields["questions"] = tuple(OpenQuestion(**item) for item in data["questions"])
-    fields["devices"] = tuple(ToldDevice(**item) for item in data.get("devices", ()))
+    fields["devices"] = tuple(NamedDevice(**item) for item in data.get("devices", ()))
     uses = data.get("profiles", ())
     fields["profiles"] = tuple(ProfileUse(**{**item, "action": Action(item["action"])}) for item in uses)
     fields["near"] = tuple(NearProfile(**item) for item in data.get("near", ()))
@@ -257,6 +257,6 @@ def _read_step(item: Mapping[str, Any]) -> StepOutlook:
 
 def _read_action(item: Mapping[str, Any]) -> PlannedAction:
     reasons = tuple(Reason(**{**reason, "cause": Cause(reason["cause"])}) for reason in item["reasons"])
-    more: dict[str, Any] = {"loan": Loan(**item["loan"])} if "loan" in item else {}
+    more: dict[str, Any] = {"loan": Reuse(**item["loan"])} if "loan" in item else {}
     more |= {"escalate": Agent(**item["escalate"])} if "escalate" in item else {}
     return PlannedAction(**{**item, "action": Action(item["action"]), "reasons": reasons, **more})

@@ -72,7 +72,7 @@ def _times(item: Mapping[str, Any]) -> Problem | None:
     return None
 
 
-def told(item: Mapping[str, Any]) -> Iterator[str]:
+def describe(item: Mapping[str, Any]) -> Iterator[str]:
     """A limit in words, one text for what an agent has to carry and one for what octoform keeps by itself."""
     unit = f" {item['unit']}" if "unit" in item else ""
     words = {"minimum": "at least", "maximum": "at most"}

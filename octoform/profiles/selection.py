@@ -128,7 +128,7 @@ def of_rig(profile: Profile) -> Iterator[str]:
 
 
 def _limits(given: Iterable[Mapping[str, Any]]) -> list[str]:
-    return [f"Limit: {words}." for item in given for words in limits.told(item)]
+    return [f"Limit: {words}." for item in given for words in limits.describe(item)]
 
 
 def for_task(profile: Profile, ids: Collection[str]) -> dict[str, Any]:

@@ -128,11 +128,11 @@ def _unfit(document: Document, whose: str, expected: Mapping[str, object]) -> li
             summary = f"the field {name!r} does not fit the {whose}"
         else:
             continue
-        found.append(document.problem("PROTOCOL-FIELD", summary, (name,), f"write {name}: {_shown(value)}"))
+        found.append(document.problem("PROTOCOL-FIELD", summary, (name,), f"write {name}: {_display(value)}"))
     return found
 
 
-def _shown(value: object) -> str:
+def _display(value: object) -> str:
     if isinstance(value, list):
         return f"[{', '.join(value)}]"
     return "null" if value is None else str(value)

@@ -92,10 +92,10 @@ def _two(packed: str, sign: str) -> tuple[str, str]:
 def kinds(path: Path) -> set[str]:
     """Every word by which an id may call the device of this folder."""
     ids = vid_pid(path)
-    return {ids} if ids else {slug(text) for text in _said(path)} - {""}
+    return {ids} if ids else {slug(text) for text in _kind_texts(path)} - {""}
 
 
-def _said(path: Path) -> Iterator[str]:
+def _kind_texts(path: Path) -> Iterator[str]:
     """What the folder, its attributes and the kernel's announcement call the device, whole and without its place."""
     events = uevent(path)
     attributes = [_AT_ADDRESS.sub("", read_text(path / name) or "") for name in _NAMES]
@@ -213,7 +213,7 @@ def serial(path: Path) -> str | None:
     return uevent(path).get("HID_UNIQ") or None if name == "hid" else None
 
 
-def names_said(path: Path) -> list[str]:
+def kind_names(path: Path) -> list[str]:
     """What a device reports of its kind: no number of a unit is equal to one of these."""
     ids = vid_pid(path)
     return [text for text in (ids, *(read_text(path / name) or "" for name in _KIND_NAMES)) if text]
@@ -258,7 +258,7 @@ class _Claim:
     def gained(self, folder: Path) -> bool:
         """Whether it shows a serial number and the one that is known had none: most likely it is another one."""
         shown = serial(folder) or ""
-        return bool(self.path and not self.serial and serials.weight(shown, names_said(folder)) >= serials.SHORT)
+        return bool(self.path and not self.serial and serials.weight(shown, kind_names(folder)) >= serials.SHORT)
 
 
 def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
@@ -266,7 +266,7 @@ def in_place(device_id: str, known: Mapping[str, Any]) -> Binding | None:
     instance = known.get(device_id)
     claim = _claim(device_id, instance if isinstance(instance, Mapping) else {})
     folder = _recorded(claim)
-    claim = _proved(claim, [claim], names_said(folder) if folder is not None else [])
+    claim = _proved(claim, [claim], kind_names(folder) if folder is not None else [])
     if folder is None or not matches(folder, device_id) or claim.excludes(folder) or claim.lacks(folder):
         return None
     proved = claim.unique and serial(folder)
@@ -374,14 +374,14 @@ def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list
         _claim(each, instance if isinstance(instance, Mapping) else {})
         for each, instance in sorted(instances.items(), key=lambda item: _ordinal(item[0], name))
     ]
-    lines = [text for each in specimens for text in names_said(each)]
+    lines = [text for each in specimens for text in kind_names(each)]
     return [_proved(claim, claims, lines) for claim in claims]
 
 
-def _proved(claim: _Claim, claims: list[_Claim], said: list[str]) -> _Claim:
+def _proved(claim: _Claim, claims: list[_Claim], texts: list[str]) -> _Claim:
     """The claim, unique where its number is one among those of its kind and not what the kind says of itself."""
     others = [other.serial for other in claims if other.id != claim.id and other.serial]
-    return replace(claim, unique=claim.numbered and serials.tells_apart(claim.serial, others, said))
+    return replace(claim, unique=claim.numbered and serials.is_distinctive(claim.serial, others, texts))
 
 
 def _ordinal(device_id: str, name: str) -> int:

@@ -155,14 +155,14 @@ def _give_back(function: Callable[..., Any], child: _Child) -> None:
     child.close()
 
 
-def _serve(function: Callable[..., Any], asked: int, told: int) -> NoReturn:
+def _serve(function: Callable[..., Any], asked: int, writer: int) -> NoReturn:
     """Answer requests until none comes for a while, or nobody is there who could ask."""
     try:
         gc.disable()  # what was copied is not this process's to clean up
         signal.set_wakeup_fd(-1)
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGCHLD, signal.SIGALRM):
             signal.signal(number, signal.SIG_DFL)
-        _close_others(asked, told)
+        _close_others(asked, writer)
         Path("/proc/self/comm").write_text(NAME)
         os.dup2(2, 1)  # what a library prints is no answer
         looks = select.poll()
@@ -175,7 +175,7 @@ def _serve(function: Callable[..., Any], asked: int, told: int) -> NoReturn:
             signal.setitimer(signal.ITIMER_REAL, timeout + 1)  # for when nobody is there to end it
             answer = _outcome(function, arguments)
             signal.setitimer(signal.ITIMER_REAL, 0)
-            _write(told, answer)
+            _write(writer, answer)
     finally:
         os._exit(0)
 
@@ -203,18 +203,18 @@ def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
         return marshal.dumps((type(problem).__name__, str(problem)))
 
 
-def _raise(kind: str, told: list[Any]) -> NoReturn:
+def _raise(kind: str, fields: list[Any]) -> NoReturn:
     if kind == "OSError":
-        number, text, name = told
+        number, text, name = fields
         raise OSError(number, text, name) if number else OSError(text)
     if kind in ("ImportError", "ModuleNotFoundError"):
-        raise (ModuleNotFoundError if kind.startswith("M") else ImportError)(told[0], name=told[1])
+        raise (ModuleNotFoundError if kind.startswith("M") else ImportError)(fields[0], name=fields[1])
     if kind == "DeviceFault":
-        raise DeviceFault(*told)
+        raise DeviceFault(*fields)
     known = getattr(sys.modules.get("fastmcp.exceptions"), "ToolError", None)
     if kind == "ToolError" and isinstance(known, type) and issubclass(known, Exception):
-        raise known(told[0])
-    raise RuntimeError(f"{kind}: {told[0]}")
+        raise known(fields[0])
+    raise RuntimeError(f"{kind}: {fields[0]}")
 
 
 def _plain(value: Any) -> Any:

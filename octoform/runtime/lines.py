@@ -155,10 +155,12 @@ class Exchange:
             device, f"{device} answered nothing within {wire.timeout:g} s that its protocol definition knows"
         )
 
-    def _refused(self, said: str) -> str:
+    def _refused(self, answer: str) -> str:
         """The sentence for a line that refuses the command; "" for any other."""
-        found = self._wire.error and re.fullmatch(self._wire.error, said)
-        return f"{self._device} refused {self._command!r}: {found.groupdict().get('message', said)!a}" if found else ""
+        found = self._wire.error and re.fullmatch(self._wire.error, answer)
+        return (
+            f"{self._device} refused {self._command!r}: {found.groupdict().get('message', answer)!a}" if found else ""
+        )
 
     def _quiet(self, port: Port) -> None:
         """No reset when the line is closed, and no late answer that could be taken for the next one."""

@@ -72,13 +72,13 @@ def find(patterns: Iterable[str], units: Mapping[str, int]) -> Calibration:
     if not found:
         return Calibration({}, f"there is no calibration file; looked for {', '.join(asked)}")
     if len(found) > 1:
-        names = ", ".join(_shown(path) for path in found[:4])
+        names = ", ".join(_display(path) for path in found[:4])
         return Calibration({}, f"there are {len(found)} calibration files and nothing shows which is meant: {names}")
     try:
         return _read(found[0], units)
     except (OSError, ValueError, TypeError, KeyError, AttributeError) as problem:
         why = problem.strerror if isinstance(problem, OSError) else f"{type(problem).__name__}: {problem}"
-        return Calibration({}, f"{_shown(found[0])} is no calibration file that can be used ({why})")
+        return Calibration({}, f"{_display(found[0])} is no calibration file that can be used ({why})")
 
 
 def _read(path: Path, units: Mapping[str, int]) -> Calibration:
@@ -90,7 +90,7 @@ def _read(path: Path, units: Mapping[str, int]) -> Calibration:
         if entry["id"] != units[name]
     ]
     if other:
-        return Calibration({}, f"{_shown(path)} gives {', '.join(other)}", wrong=True)
+        return Calibration({}, f"{_display(path)} gives {', '.join(other)}", wrong=True)
     ranges = {name: _range(name, entry) for name, entry in known.items()}
     if not ranges:
         raise ValueError("none of the units is in it")
@@ -113,7 +113,7 @@ def _files(pattern: str) -> list[Path]:
     return list(Path(path.anchor).glob(str(path.relative_to(path.anchor))))
 
 
-def _shown(path: Path) -> str:
+def _display(path: Path) -> str:
     """A path without the name of the user's home."""
     home = Path("~").expanduser()
     return f"~/{path.relative_to(home)}" if path.is_relative_to(home) else str(path)
@@ -267,7 +267,7 @@ class Bank:
         """An error about a unit of this device."""
         return UnitFault(self.device, f"{self.device}: {text}")
 
-    def told(self, problem: DeviceFault) -> str:
+    def describe(self, problem: DeviceFault) -> str:
         """What an error states, without the device's name before it."""
         return str(problem).removeprefix(f"{self.device}: ")
 

@@ -94,7 +94,7 @@ def planned(bank: Bank, goals: Mapping[str, int], alone: bool) -> tuple[dict[str
         except UnitFault as problem:
             if alone:
                 raise
-            skipped[name] = bank.told(problem)
+            skipped[name] = bank.describe(problem)
             continue
         if extent := calibrated.ranges.get(name):
             low, high = max(low, extent.low), min(high, extent.high)
@@ -206,7 +206,7 @@ def _tried(bank: Bank, move: Move, what: str, do: partial[bool]) -> bool:
     try:
         return bank.exchange(move.name, what, do)
     except UnitFault as problem:
-        move.fault = bank.told(problem)
+        move.fault = bank.describe(problem)
         return True
 
 
@@ -318,7 +318,7 @@ class Units(Bank):
                 record = self.read(name, wanted)
             except UnitFault as problem:
                 silent.append(name)
-                document = {"skipped": self.told(problem), **dict.fromkeys(wanted), "calibrated": None}
+                document = {"skipped": self.describe(problem), **dict.fromkeys(wanted), "calibrated": None}
                 record = self._blank(name, document)
             found.append({key: value for key, value in record.items() if key != "device"})
         if silent and len(silent) + len(self.map.disabled) == len(self.map.units):
@@ -378,9 +378,9 @@ class Units(Bank):
                 if record["skipped"] is None:
                     record["position"] = self.exchange(name, "whether it stopped", partial(held, self))
             except UnitFault as problem:
-                faults.append(self.told(problem))
+                faults.append(self.describe(problem))
             except DeviceFault as problem:  # the bus itself: the other units cannot be asked either
-                faults.append(self.told(problem))
+                faults.append(self.describe(problem))
                 break
             found.append(record)
         if faults:

@@ -84,7 +84,7 @@ class Emergency:
         was run), ``problems`` (sentences).
         """
         problems = list(self.problems)
-        with _told(problems, self.unwritten):
+        with _collect_problems(problems, self.unwritten):
             self.latch.engage(by, reason)
         if (why := self.latch.wordless) is not None:
             problems.append(f"the latch is engaged, but has no room for who engaged it and why: {_sentence(why)}")
@@ -105,7 +105,7 @@ class Emergency:
                 threading.Thread(target=self._later, args=(left, act, by), name="stop later", daemon=True).start()
             except RuntimeError:  # no more threads
                 problems.append("nothing runs the stop actions once more when that ends; ask for the stop again")
-        with _told(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
+        with _collect_problems(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
             self.latch.keep()  # one that could not be written was told of above
         estop = self.latch.engaged()
         return {
@@ -134,7 +134,7 @@ class Emergency:
             if not alone:
                 problems.append("another emergency stop is under way")
             elif estop is not None and self._record(problems, "estop_cleared", by=by, was=_words(estop)):
-                with _told(problems, "the latch could not be removed"):
+                with _collect_problems(problems, "the latch could not be removed"):
                     self.latch.clear(by)
             latched = self.latch.engaged() is not None
         if latched:
@@ -145,7 +145,7 @@ class Emergency:
         if self.audit is None:
             return False
         before = len(problems)
-        with _told(problems, "the audit log has no record of it"):
+        with _collect_problems(problems, "the audit log has no record of it"):
             self.audit.write(event, **fields)
         return len(problems) == before
 
@@ -347,7 +347,7 @@ def _sentence(problem: BaseException) -> str:
     return str(problem) or type(problem).__name__
 
 
-class _told:
+class _collect_problems:
     """Inside this an OSError becomes a sentence among the problems: an emergency stop goes on."""
 
     def __init__(self, problems: list[str], text: str) -> None:

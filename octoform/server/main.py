@@ -20,7 +20,7 @@ from octoform.server.tool_policy import PolicyInvalid
 from .audit.audit_log import AuditFailed
 from .process.descriptor import Descriptor, RefusedError, digest_of, digest_of_file, read, untouched
 from .process.instance_lock import MARK, Owner
-from .process.stderr_log import Said, say
+from .process.stderr_log import StderrHandler, write_line
 from .transport.addresses import NoAddressError
 
 # The folders of what the process keeps and writes are its user's alone, whoever made them. Standard library only.
@@ -78,7 +78,7 @@ TAKEN = 75
 def main(folder: Path) -> int:
     """Serve the endpoint in ``folder``; the exit status. Does not return once it has served."""
     logger = logging.getLogger("octoform")
-    logger.addHandler(Said())
+    logger.addHandler(StderrHandler())
     try:
         untouched(folder)
         descriptor = read(folder)
@@ -86,7 +86,7 @@ def main(folder: Path) -> int:
             private(kept)
         owner = Owner.take(descriptor.run)
         if owner is None:
-            say("another process serves this endpoint already")
+            write_line("another process serves this endpoint already")
             return TAKEN
         os.environ.update(descriptor.environment)
         processes.put_on(os.environ.setdefault(MARK, processes.new(16)))  # who started it by hand has given none
@@ -107,13 +107,13 @@ def main(folder: Path) -> int:
     except (NoAddressError, AuditFailed) as problem:
         status = _refuse(problem)
     except DoorFailedError as problem:
-        say(f"it ends: {problem}")
+        write_line(f"it ends: {problem}")
         status = FAILED
     except RuntimeError as problem:
         if not printed(str(problem)):
             logger.exception("it ends")
         else:
-            say(f"it ends: {TEXT} ({limits()})")
+            write_line(f"it ends: {TEXT} ({limits()})")
         status = FAILED
     except Exception:  # whatever it is: threads of tools must not keep alive what serves nobody
         logger.exception("it ends")
@@ -126,7 +126,7 @@ def main(folder: Path) -> int:
 
 
 def _refuse(problem: Exception) -> int:
-    say(f"refused: {problem}")
+    write_line(f"refused: {problem}")
     return REFUSED
 
 

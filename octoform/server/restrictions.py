@@ -19,7 +19,7 @@ from typing import Any
 
 from octoform.base.clock import boot_id, boottime
 from octoform.base.files import read_json, record
-from octoform.server.process.stderr_log import say
+from octoform.server.process.stderr_log import write_line
 from octoform.server.tool_policy import Units
 
 NAME = "restrictions.json"
@@ -142,20 +142,20 @@ def _unknown() -> tuple[Entry, ...] | None:
 class Restrictions:
     """What is restricted now. Safe to use from threads; asking costs one look at the file's status.
 
-    ``tell`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` states what must hold where
+    ``notify`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` states what must hold where
     the file does not; None: it does not know.
     """
 
     def __init__(
         self,
         path: Path | None = None,
-        tell: Tell = _untold,
+        notify: Tell = _untold,
         clock: Callable[[], float] | None = None,
         boot: str | None = None,
         ledger: Callable[[], tuple[Entry, ...] | None] = _unknown,
     ) -> None:
         self._place = None if path is None else str(path)
-        self._tell, self._clock, self._ledger = tell, clock or boottime, ledger
+        self._tell, self._clock, self._ledger = notify, clock or boottime, ledger
         self._boot = boot_id() if boot is None else boot
         self._lock = threading.Lock()
         self._seen: tuple[int, int, int] | None = None
@@ -227,7 +227,7 @@ class Restrictions:
         text = f"{self._place}: {why[:SHOWN]}; {kept}"
         if text != self.problem:
             self.problem = text
-            say(text)
+            write_line(text)
             self._tell("restrictions_unreadable", {"text": text})
 
     def _read(self, place: str) -> tuple[Entry, ...]:

@@ -24,7 +24,7 @@ from octoform.base import clock, processes
 from octoform.base.processes import start_of
 from octoform.server import tunnel_termination
 from octoform.server.process import instance_lock
-from octoform.server.process.stderr_log import say
+from octoform.server.process.stderr_log import write_line
 from octoform.server.tunnel_termination import MARK, Proof
 
 FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
@@ -205,7 +205,7 @@ class Tunnel:
         before = self._facts
         self._facts = {**before, "state": state, "reason": reason, "url": url, "since": since}
         if (before["state"], before["reason"], before["url"]) != (state, reason, url):
-            say(f"tunnel: {state}: {url or reason}")
+            write_line(f"tunnel: {state}: {url or reason}")
 
 
 def public_address(line: str, local_url: str) -> str | None:

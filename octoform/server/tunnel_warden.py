@@ -22,13 +22,13 @@ _PR_SET_PDEATHSIG = 1
 _PR_SET_CHILD_SUBREAPER = 36
 
 
-class _Told(BaseException):
+class _Terminated(BaseException):
     """SIGTERM came: from the endpoint's process, or because that process is gone."""
 
 
 def main(command: Sequence[str]) -> int:
     """Run ``command`` until it ends or the endpoint's process is gone; the command's exit status."""
-    signal.signal(signal.SIGTERM, _told)
+    signal.signal(signal.SIGTERM, _terminate)
     process: subprocess.Popen[bytes] | None = None
     try:
         _die_with_parent(signal.SIGTERM)
@@ -38,7 +38,7 @@ def main(command: Sequence[str]) -> int:
             command, stdin=subprocess.DEVNULL, preexec_fn=lambda: _die_with_parent(signal.SIGKILL)
         )
         status = _ended(process)
-    except _Told:
+    except _Terminated:
         _end_group(process)
         raise
     except OSError as problem:
@@ -49,9 +49,9 @@ def main(command: Sequence[str]) -> int:
     return status if status >= 0 else 128 - status
 
 
-def _told(*_: object) -> None:
+def _terminate(*_: object) -> None:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    raise _Told
+    raise _Terminated
 
 
 def _watch_parent() -> None:

@@ -29,7 +29,7 @@ from .process.control import Control
 from .process.descriptor import Descriptor
 from .process.instance_lock import Owner
 from .process.local_socket import listen
-from .process.stderr_log import say
+from .process.stderr_log import write_line
 from .transport.unix_socket import LocalClients
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ class Endpoint:
                     return f"the door {name} ended: {door.exception()!r}"
         finally:
             found.cancel()
-        say("the record of this process is gone, so it ends")
+        write_line("the record of this process is gone, so it ends")
         return ""
 
     def _open(self) -> list["asyncio.Task[None]"]:

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.simulation.rig import Rig, RigInvalid, load, names
-from octoform.simulation.rig_commands import HELP, CommandRefused, changed, obey, shown
+from octoform.simulation.rig_commands import HELP, CommandRefused, changed, describe, obey
 
 MEMORY = Path("/dev/shm")
 """Where the folder is made when it can be: the camera's file is replaced several times a second."""
@@ -97,11 +97,11 @@ def _interrupted(_number: int, _frame: object) -> None:
 def _run(rig: Rig, *, as_json: bool) -> None:
     try:
         rig.start()
-        _say(_started(rig), as_json=as_json)
+        _print(_started(rig), as_json=as_json)
         _listen(rig, as_json=as_json)
     except KeyboardInterrupt:
         with suppress(OSError):  # whoever closed the terminal does not read it
-            _say({"event": "stopped"}, as_json=as_json)
+            _print({"event": "stopped"}, as_json=as_json)
     finally:
         for number in _ENDS:
             signal.signal(number, signal.SIG_IGN)  # cleaning up takes a moment and is not to be interrupted
@@ -119,7 +119,7 @@ def _listen(rig: Rig, *, as_json: bool) -> None:
             listening = []
         *lines, text = (text + data).split(b"\n")
         for line in lines:
-            _say(_done(rig, line.decode("utf-8", "backslashreplace")), as_json=as_json)
+            _print(_done(rig, line.decode("utf-8", "backslashreplace")), as_json=as_json)
 
 
 def _done(rig: Rig, line: str) -> dict[str, Any]:
@@ -131,14 +131,14 @@ def _done(rig: Rig, line: str) -> dict[str, Any]:
 
 def _started(rig: Rig) -> dict[str, Any]:
     about = rig.description.get("about", "")
-    return {"event": "started", "about": about, "sysroot": str(rig.folder), "devices": shown(rig)}
+    return {"event": "started", "about": about, "sysroot": str(rig.folder), "devices": describe(rig)}
 
 
-def _say(event: Mapping[str, Any], *, as_json: bool) -> None:
-    print(json.dumps(event) if as_json else _told(event), flush=True)
+def _print(event: Mapping[str, Any], *, as_json: bool) -> None:
+    print(json.dumps(event) if as_json else _describe(event), flush=True)
 
 
-def _told(event: Mapping[str, Any]) -> str:
+def _describe(event: Mapping[str, Any]) -> str:
     kind = event["event"]
     if kind == "started":
         places = [

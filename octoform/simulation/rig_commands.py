@@ -55,7 +55,7 @@ def obey(rig: Rig, text: str) -> dict[str, Any]:
     if not least <= len(rest) <= most:
         raise CommandRefused(f"{word} takes other words\n{HELP}")
     if word == "show":
-        return {"event": "state", "devices": shown(rig)}
+        return {"event": "state", "devices": describe(rig)}
     name = rest[0].split(".")[0]
     if name not in rig.names:
         raise CommandRefused(f"there is no device {name}; there are {', '.join(rig.names)}")
@@ -100,7 +100,7 @@ def _known(fault: str | None, faults: tuple[str, ...]) -> None:
         raise CommandRefused(f"no fault {fault} here; there are none, {', '.join(faults)}")
 
 
-def shown(rig: Rig) -> list[dict[str, Any]]:
+def describe(rig: Rig) -> list[dict[str, Any]]:
     """Each device: where it is plugged, and what it knows of itself that no reply of its would say."""
     found = []
     for name in rig.names:

@@ -16,11 +16,11 @@ from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass
 from octoform.state.files import (
     Checkpoint,
+    display,
     make_folders,
     pass_by,
     read_regular,
     refused,
-    shown,
     spending,
     unreadable,
     write_atomic,
@@ -169,7 +169,7 @@ def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint:
         for number, data in enumerate(files.values()):
             problem = write_atomic(draft / str(number), data)
             if problem is not None:
-                return replace(problem, path=shown(folder))
+                return replace(problem, path=display(folder))
         checkpoint("artifact.written")
         _make_room(layout.steps if stage.startswith(STEP) else folder, folder, files)
         for number, name in enumerate(files):

@@ -21,7 +21,7 @@ from octoform.base.shape import INSTANCES as FORM
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.accepted import contents
-from octoform.state.files import make_folders, read_regular, refused, shown, write_atomic
+from octoform.state.files import display, make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -229,7 +229,7 @@ def _is_whole(name: str, data: bytes) -> bool:
     return True
 
 
-def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path | None, Diagnostic | None]:
+def move_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path | None, Diagnostic | None]:
     """Move what is at ``path`` to a private folder, as it is; where it lies now (None: nothing was there), or why not.
 
     ``stamp`` names the folder (RFC 3339). A link is moved itself, never what it points to.
@@ -242,7 +242,7 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
         inside = path.relative_to(layout.project)
     except ValueError:
         inside = Path(path.name)
-    target = _aside(layout) / f"{stamp.replace(':', '')}-{kind}" / inside
+    target = _damaged_folder(layout) / f"{stamp.replace(':', '')}-{kind}" / inside
     try:
         private_folder(target.parent)
         while os.path.lexists(target):
@@ -254,12 +254,12 @@ def set_aside(layout: Layout, path: Path, stamp: str, why: Damage) -> tuple[Path
     return target, None
 
 
-def _aside(layout: Layout) -> Path:
+def _damaged_folder(layout: Layout) -> Path:
     return layout.daemon / "aside"
 
 
 def _bound(layout: Layout) -> None:
-    found = sorted(path for path in _aside(layout).iterdir() if path.name.endswith("-damaged"))
+    found = sorted(path for path in _damaged_folder(layout).iterdir() if path.name.endswith("-damaged"))
     for path in found[:-MOST_ASIDE]:
         shutil.rmtree(path, ignore_errors=True)
 
@@ -300,4 +300,4 @@ def read_instances(layout: Layout) -> tuple[dict[str, object] | None, list[Diagn
     if fits(found, FORM):
         return found["devices"], []
     hint = "run `octoform apply -replace probe`: PROBE writes it again"
-    return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=shown(layout.instances), hint=hint)]
+    return None, [error("STATE-INSTANCES", "this is no ledger of instances", path=display(layout.instances), hint=hint)]

@@ -39,7 +39,7 @@ def pass_by(name: str) -> None:
     """The checkpoint of a production run: nothing happens at any point."""
 
 
-def shown(path: Path) -> str:
+def display(path: Path) -> str:
     """The path as the person would type it: relative to the current folder where it lies below it."""
     try:
         return str(path.relative_to(Path.cwd()))
@@ -79,7 +79,7 @@ def read_regular(path: Path, limit: int = SIZE_LIMIT) -> tuple[bytes | None, Dia
     except OSError as problem:
         if problem.errno == errno.EFBIG:
             summary = f"the file has more than {limit} bytes"
-            return None, error("STATE-TOO-LARGE", summary, path=shown(path), hint="look at what wrote it")
+            return None, error("STATE-TOO-LARGE", summary, path=display(path), hint="look at what wrote it")
         return None, unreadable(problem, path)
 
 
@@ -87,7 +87,7 @@ def _not_regular(path: Path, what: str) -> Diagnostic:
     return error(
         "STATE-LINK",
         f"this is {what}, not a file of the state",
-        path=shown(path),
+        path=display(path),
         hint="remove it; octoform never reads or writes state through a link",
     )
 
@@ -95,7 +95,7 @@ def _not_regular(path: Path, what: str) -> Diagnostic:
 def unreadable(problem: OSError, path: Path) -> Diagnostic:
     """STATE-UNREADABLE with the operating system's words."""
     hint = MOVE_AWAY if problem.errno in IN_THE_WAY else "check its owner and mode"
-    return error("STATE-UNREADABLE", f"cannot be read: {reason_of(problem)}", path=shown(path), hint=hint)
+    return error("STATE-UNREADABLE", f"cannot be read: {reason_of(problem)}", path=display(path), hint=hint)
 
 
 def reason_of(problem: OSError) -> str:
@@ -106,12 +106,12 @@ def reason_of(problem: OSError) -> str:
 
 def refused(problem: OSError, path: Path) -> Diagnostic:
     """What a failed write means: STATE-DISK-FULL, STATE-READ-ONLY or STATE-WRITE-FAILED."""
-    where = shown(path)
+    where = display(path)
     if problem.errno in _FULL:
         return _disk_full(problem, path)
     reason = reason_of(problem)
     if problem.errno in _REFUSED:
-        hint = f"make {shown(path.parent)} writable for this user, or run from a copy that is"
+        hint = f"make {display(path.parent)} writable for this user, or run from a copy that is"
         return error("STATE-READ-ONLY", f"cannot be written: {reason}", path=where, hint=hint)
     do = MOVE_AWAY if problem.errno in IN_THE_WAY else None
     summary, detail = f"cannot be written: {reason}", "the former file is intact"
@@ -134,7 +134,7 @@ def _disk_full(problem: OSError, path: Path) -> Diagnostic:
     except OSError as unknown:
         detail = f"{mount}: {unknown.strerror}; {detail}"
     hint = f"free some space on {mount} and run the same command again"
-    return error("STATE-DISK-FULL", summary, path=shown(path), detail=detail, hint=hint)
+    return error("STATE-DISK-FULL", summary, path=display(path), detail=detail, hint=hint)
 
 
 def mount_point(path: Path) -> Path:
@@ -232,7 +232,7 @@ def _probe(folder: Path) -> Diagnostic | None:
         except OSError as refusal:
             return refused(refusal, trial)
         return None
-    return Diagnostic(problem.severity, problem.code, problem.summary, shown(folder), hint=problem.hint)
+    return Diagnostic(problem.severity, problem.code, problem.summary, display(folder), hint=problem.hint)
 
 
 def _one_per_cause(found: list[Diagnostic]) -> list[Diagnostic]:

@@ -15,7 +15,7 @@ from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
-from octoform.state.files import shown
+from octoform.state.files import display
 from octoform.state.git_head import Repository, repository
 from octoform.state.git_invocation import RepositoryRefused, call
 
@@ -114,7 +114,7 @@ def _unusable(where: Repository, complaints: str) -> Diagnostic:
     return warning(
         "GIT-UNUSABLE",
         "git refuses to read this repository; the plan goes on without revisions",
-        path=shown(where.root),
+        path=display(where.root),
         detail=_words(complaints),
         hint="follow git's message, or ignore this: only revisions and commits need it",
     )
@@ -299,7 +299,7 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     if _ignored(own, known):
         hint = "take state/ out of .gitignore, or set `git: {commit: false}`"
         summary = "git ignores the files that should be committed"
-        return [], [error("GIT-IGNORED", summary, path=shown(own.where.root), detail=_words(complaints), hint=hint)]
+        return [], [error("GIT-IGNORED", summary, path=display(own.where.root), detail=_words(complaints), hint=hint)]
     return [], [_failed(own.where, complaints)]
 
 
@@ -343,7 +343,7 @@ def _failed(where: Repository, complaints: str) -> Diagnostic:
     return error(
         "GIT-COMMIT-FAILED",
         "git did not make the commit; the state itself is written and stays",
-        path=shown(where.root),
+        path=display(where.root),
         detail=_words(complaints),
         hint="follow git's message, then commit the state by hand or apply again",
     )
@@ -353,7 +353,7 @@ def _index_behind(where: Repository, complaints: str) -> Diagnostic:
     return warning(
         "GIT-INDEX-BEHIND",
         "the commit is made, but the index could not be brought up to it",
-        path=shown(where.root),
+        path=display(where.root),
         detail=_words(complaints),
         hint="run `git reset -- state` when nothing else uses the repository",
     )

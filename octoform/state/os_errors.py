@@ -10,7 +10,7 @@ from pathlib import Path
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.files import IN_THE_WAY, MOVE_AWAY, mount_point, name_of, reason_of, shown
+from octoform.state.files import IN_THE_WAY, MOVE_AWAY, display, mount_point, name_of, reason_of
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 _CLOSED = (errno.EACCES, errno.EPERM)
@@ -29,7 +29,7 @@ def refusal(problem: OSError) -> Diagnostic:
     return error(
         "SYSTEM-REFUSED",
         f"the operating system refused: {reason}",
-        path=shown(path) if path is not None else None,
+        path=display(path) if path is not None else None,
         detail=_place(problem),
         hint=_hint(problem, path),
     )

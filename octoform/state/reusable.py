@@ -26,7 +26,7 @@ DEEPEST = 6
 
 
 @dataclass(frozen=True, slots=True)
-class Donor:
+class ReusableOutput:
     """One accepted output of another host; ``serial`` is that of the state that vouches for it."""
 
     layout: Layout
@@ -39,7 +39,7 @@ class Donor:
         return self.layout.host
 
 
-Donors = Mapping[str, Mapping[str, tuple[Donor, ...]]]
+Donors = Mapping[str, Mapping[str, tuple[ReusableOutput, ...]]]
 """Stage to key to all that have it, always in the same order."""
 
 
@@ -50,15 +50,15 @@ def find(layout: Layout) -> Donors:
     folders = _folders(where.root) if where is not None else [own.project / "state"]
     others = [other for other in islice(_hosts(folders), MOST_HOSTS) if other != own]
     files = kept(own.project, [other.committed for other in others]) if where is not None else None
-    found: dict[str, dict[str, tuple[Donor, ...]]] = {stage: {} for stage in STAGES}
+    found: dict[str, dict[str, tuple[ReusableOutput, ...]]] = {stage: {} for stage in STAGES}
     for other in others:
-        for stage, donor in _lent(other, files):
+        for stage, donor in _reusable(other, files):
             had = found[stage].get(donor.state.key, ())
             found[stage][donor.state.key] = (*had, donor)
     return found
 
 
-def _lent(other: Layout, files: frozenset[Path] | None) -> Iterator[tuple[str, Donor]]:
+def _reusable(other: Layout, files: frozenset[Path] | None) -> Iterator[tuple[str, ReusableOutput]]:
     """What a host lends; ``files`` are those that count (None: all)."""
     if files is not None and other.snapshot not in files:
         return
@@ -67,7 +67,7 @@ def _lent(other: Layout, files: frozenset[Path] | None) -> Iterator[tuple[str, D
     for stage in STAGES if snapshot is not None else ():
         state = snapshot.nodes.get(stage) if snapshot is not None else None
         if state is not None and _is_equal(state) and (files is None or other.output(stage) in files):
-            yield stage, Donor(other, snapshot.serial if snapshot is not None else 0, state)
+            yield stage, ReusableOutput(other, snapshot.serial if snapshot is not None else 0, state)
 
 
 def _is_equal(state: NodeState) -> bool:

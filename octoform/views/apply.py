@@ -163,9 +163,9 @@ class RunHuman:
         self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {text}", "dim"))
         self._move(f"{event.tool} {event.text}")
 
-    def _move(self, said: str) -> None:
+    def _move(self, text: str) -> None:
         if self._moving is not None:
-            parts = (self._running.attempt, self._running.spent, said)
+            parts = (self._running.attempt, self._running.spent, text)
             self._moving.update(self._running.node, "  ".join(part for part in parts if part))
 
     def _edited(self, event: events.SpecEdited) -> None:

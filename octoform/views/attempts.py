@@ -63,7 +63,7 @@ def one(console: Console, detail: Detail, *, as_json: bool) -> int:
     """Everything about one attempt."""
     if as_json:
         return document(console, {"format": 1, **_document(detail.attempt), **_more(detail)})
-    for line in _told(console, detail):
+    for line in _describe(console, detail):
         console.raw(line) if line.startswith("    ") else console.line(line)
     return 0
 
@@ -81,7 +81,7 @@ def recorded(console: Console, made: Recorded, *, as_json: bool) -> int:
 
 
 def _row(item: Attempt) -> tuple[str, ...]:
-    found, usage = item.told, item.told.usage
+    found, usage = item.facts, item.facts.usage
     stage = item.stage if found.role == "stage" else f"{item.stage} ({found.role})"
     turns = UNKNOWN if found.turns is None else str(found.turns)
     cost = UNKNOWN if usage.cost_usd is None else money(usage.cost_usd)
@@ -97,7 +97,7 @@ def _painted(console: Console, item: Attempt, line: str) -> str:
 
 
 def _agent(item: Attempt) -> str:
-    found = item.told
+    found = item.facts
     return f"{found.harness}, {found.model}" if found.model else found.harness or UNKNOWN
 
 
@@ -119,8 +119,8 @@ def _tokens(given: int | None, made: int | None) -> str:
     return "/".join(UNKNOWN if count is None else tokens(count) for count in (given, made))
 
 
-def _told(console: Console, detail: Detail) -> Iterator[str]:
-    item, record, found = detail.attempt, detail.attempt.record, detail.attempt.told
+def _describe(console: Console, detail: Detail) -> Iterator[str]:
+    item, record, found = detail.attempt, detail.attempt.record, detail.attempt.facts
     reuse = record is not None and record.role == REUSE
     head = f"attempt {item.number}  {item.stage}, {'reuse' if reuse else f'try {item.attempt}'}  {_ended(item)}"
     yield console.paint(one_line(head, WIDTH), "bold")
@@ -137,7 +137,7 @@ def _told(console: Console, detail: Detail) -> Iterator[str]:
         if size is not None:
             yield f"  {FILES.get(name, name):<10} {_near(item.folder / name)}, {size} bytes"
     yield from _calls(detail)
-    yield from _troubles(detail)
+    yield from _problem_lines(detail)
     yield from _spec(console, detail)
     if record is not None and record.files:
         yield "  files it left"
@@ -148,14 +148,14 @@ def _told(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _run(item: Attempt) -> str:
-    found = item.told
+    found = item.facts
     turns = "" if found.turns is None else f", {_counted(found.turns, 'turn')}"
     status = "" if found.exit_status is None else f", exit status {found.exit_status}"
     return f"{found.reason} {'for' if item.state == RUNNING else 'after'} {found.seconds:.1f} s{status}{turns}"
 
 
 def _used(item: Attempt) -> str:
-    usage = item.told.usage
+    usage = item.facts.usage
     source = usage.cost_source or ""
     cost = used(usage.input_tokens, usage.cached_tokens, usage.output_tokens, usage.cost_usd, source)
     return one_line(cost, WIDTH) or "unknown"
@@ -182,8 +182,8 @@ def _calls(detail: Detail) -> Iterator[str]:
         yield f"    and {len(calls) - MOST_CALLS} more, in the transcript"
 
 
-def _troubles(detail: Detail) -> Iterator[str]:
-    troubles = detail.troubles
+def _problem_lines(detail: Detail) -> Iterator[str]:
+    troubles = detail.problems
     if not troubles:
         return
     yield "  problems"
@@ -208,13 +208,13 @@ def _spec(console: Console, detail: Detail) -> Iterator[str]:
 
 
 def _document(item: Attempt) -> dict[str, Any]:
-    fields = item.told.model_dump(mode="json")
+    fields = item.facts.model_dump(mode="json")
     known = {"number": item.number, "stage": item.stage, "attempt": item.attempt, "state": item.state}
     return {**fields, **known, "started_at": item.began, "folder": str(item.folder)}
 
 
 def _more(detail: Detail) -> dict[str, Any]:
-    edit, calls, troubles = detail.spec, detail.calls, detail.troubles
+    edit, calls, troubles = detail.spec, detail.calls, detail.problems
     lines = None
     if edit is not None:
         counts = {"added": edit.added, "removed": edit.removed, "permitted": edit.permitted}

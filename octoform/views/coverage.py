@@ -322,7 +322,7 @@ def _stable(found: Stability | None, width: int, paint: Paint, everything: bool)
 def disagreement(item: Disagreement) -> str:
     """In what the runs differ about a device."""
     aspect = f"capability {item.what}" if item.what else item.aspect
-    return f"{aspect}: {words.said(item.said)}"
+    return f"{aspect}: {words.quoted_counts(item.said)}"
 
 
 def skipped(found: Stability) -> str:

@@ -132,15 +132,15 @@ def pass_row(item: Pass) -> tuple[str, ...]:
     return (*head, *tries, *counts, *spent, item.ended, _moment(item.began))
 
 
-def said(words: Sequence[tuple[str, int]]) -> str:
+def quoted_counts(words: Sequence[tuple[str, int]]) -> str:
     """``"a camera" in 2 runs, "a lamp" in 1``."""
     first, *rest = words
     return ", ".join([f'"{first[0]}" in {counted(first[1], "run")}', *(f'"{word}" in {count}' for word, count in rest)])
 
 
-def agents(told: Sequence[tuple[str, int]]) -> str:
+def agents(counts: Sequence[tuple[str, int]]) -> str:
     """``builtin``, or each with its number of runs where several were at work."""
-    return told[0][0] if len(told) == 1 else ", ".join(f"{name} {count}" for name, count in told)
+    return counts[0][0] if len(counts) == 1 else ", ".join(f"{name} {count}" for name, count in counts)
 
 
 def _tokens(given: int | None, made: int | None) -> str:

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 
 from octoform.contracts.rules.identify.answer_rules import WORDS
 from octoform.plan import diff
-from octoform.plan.model import Action, NearProfile, OpenQuestion, Plan, PlannedAction, ProfileUse, ToldDevice, to_json
+from octoform.plan.model import Action, NamedDevice, NearProfile, OpenQuestion, Plan, PlannedAction, ProfileUse, to_json
 from octoform.views import plan_text as hardware
 from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
@@ -30,7 +30,7 @@ def show(plan: Plan, console: Console) -> None:
         console.line(f"\n{_counted(plan.devices)}")
     for device in plan.devices:
         if device.tier > 1:
-            console.line(f"  {device.device} ({_told(device)})")
+            console.line(f"  {device.device} ({_describe(device)})")
     names = {(device.profile, device.device) for device in plan.devices}
     uses = [
         item for item in plan.profiles if item.action is not Action.NOOP or (item.profile, item.device) not in names
@@ -71,14 +71,14 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
     console.line(console.paint(text, "dim"))
 
 
-def _counted(devices: Sequence[ToldDevice]) -> str:
+def _counted(devices: Sequence[NamedDevice]) -> str:
     """``Devices: 7 with no input, 1 with a label``."""
     counts = ((tier, sum(1 for item in devices if item.tier == tier)) for tier in TIERS)
     words = (f"{count} with {TIERS[tier]}" for tier, count in counts if count)
     return f"Devices: {', '.join(words)}"
 
 
-def _told(device: ToldDevice) -> str:
+def _describe(device: NamedDevice) -> str:
     parts = [one_line(device.name, WIDTH)]
     parts += [f"by profile {device.profile}"] if device.profile else []
     parts += ["by an answer"] if device.answer and not device.profile else []
@@ -149,7 +149,7 @@ class PlanHuman:
         for reason in plan_text.reasons(plan, item):
             say(f"        {reason}")
         if item.loan is not None:
-            say(self._console.paint(f"        {one_line(plan_text.loan(item.loan), WIDTH)}", "cyan"))
+            say(self._console.paint(f"        {one_line(plan_text.reuse(item.loan), WIDTH)}", "cyan"))
         if item.calls_agent and item.last.get("attempts"):
             say(self._console.paint(f"        the accepted run took {_last(item)}", "dim"))
 

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from octoform.base import digest
 from octoform.graph.endpoint_parts import SCOPE, in_force
 from octoform.graph.model import ANSWER, STEP
-from octoform.plan.model import Action, Cause, Change, Loan, Plan, PlannedAction, Reason, StepOutlook
+from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, Reuse, StepOutlook
 from octoform.records import dataclass
 from octoform.views.format.values import one_line
 
@@ -74,7 +74,7 @@ WIDTH = 100
 _LOOKS = {"reading": ("read", "reads"), "view": ("look at", "looks at")}
 
 
-def told(step: StepOutlook, *, certain: bool) -> str:
+def step_text(step: StepOutlook, *, certain: bool) -> str:
     """What a step does, as the end of a sentence that begins with its name."""
     if step.skipped:
         return _skipped(step)
@@ -165,7 +165,7 @@ def phrase(item: PlannedAction, plan: Plan | None = None) -> str:
     """What happens to the node, as the end of a sentence; of a privileged step in ``plan``: what it moves."""
     outlook = outlook_of(plan, item)
     if outlook is not None:
-        return told(outlook, certain=item.certain)
+        return step_text(outlook, certain=item.certain)
     return _PHRASES[item.action] if item.certain else "may be updated in place (known after apply)"
 
 
@@ -226,7 +226,7 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if part == "spec":
         return f"spec: protocol/{spec(action.node)} changed ({show(item.before)} -> {show(item.after)})"
     if part.startswith(ANSWER):
-        return f"answer {part.removeprefix(ANSWER)}: {_said(item)}"
+        return f"answer {part.removeprefix(ANSWER)}: {_answer_text(item)}"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
     if not _is_digest(item.before) and not _is_digest(item.after):
         scope = next((one for one in action.reasons if one.part == SCOPE), Reason(Cause.CHANGED))
@@ -239,7 +239,7 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     return f"{label}: new ({show(item.after)})" if item.after else f"{label}: no longer there"
 
 
-def _said(item: Reason) -> str:
+def _answer_text(item: Reason) -> str:
     """What a person says of a device now, in quotes, and what was said before."""
     before, after = (f'"{one_line(text, LONGEST_ANSWER)}"' if text else "" for text in (item.before, item.after))
     if before and after:
@@ -311,11 +311,11 @@ def surely_runs(item: PlannedAction) -> bool:
     return item.calls_agent and item.certain and item.loan is None
 
 
-def loan(lent: Loan) -> str:
+def reuse(reused: Reuse) -> str:
     """What another host's output means for a node."""
-    if lent.certain:
-        return f"reused from host {lent.host}, verified here; no agent runs"
-    return f"reused from host {lent.host} if its inputs come out the same"
+    if reused.certain:
+        return f"reused from host {reused.host}, verified here; no agent runs"
+    return f"reused from host {reused.host} if its inputs come out the same"
 
 
 def counts(plan: Plan) -> tuple[int, int, int]:

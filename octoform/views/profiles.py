@@ -7,7 +7,7 @@ from typing import Any
 from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
 from octoform.profiles.definition_values import Value
-from octoform.profiles.limits import told
+from octoform.profiles.limits import describe
 from octoform.profiles.lines import Command, LineGrammar
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.model import Grammar, Profile, plain
@@ -28,7 +28,7 @@ def report(console: Console, path: str, found: ProfileReport, *, as_json: bool) 
         ]
         return document(console, {"format": 1, "sound": True, "profile": _json(found.profile), "hosts": hosts})
     console.line(console.paint(f"{escape(path)} is sound", "green"))
-    for line in _said(found.profile):
+    for line in _profile_lines(found.profile):
         console.line(escape(line))
     if not found.hosts:
         console.line()
@@ -38,19 +38,19 @@ def report(console: Console, path: str, found: ProfileReport, *, as_json: bool) 
     return 0
 
 
-def _said(profile: Profile) -> Iterator[str]:
+def _profile_lines(profile: Profile) -> Iterator[str]:
     yield f"  profile  {profile.name}: {profile.about}"
     if profile.product:
         yield f"  product  {profile.product}"
     rig = profile.rig
     of_product = profile.limits[: len(profile.limits) - len(rig.limits)]
-    yield from _part("Limits of the product", [words for item in of_product for words in told(item)])
+    yield from _part("Limits of the product", [words for item in of_product for words in describe(item)])
     stops = [f"writes {len(item.write)} bytes to its {item.kind} node" for item in profile.stop]
     yield from _part("Emergency stop", stops or ["none is known: a stop refuses every further call"])
     if profile.grammar is not None:
         yield from _part("Tools of its protocol definition", list(_tools(profile.grammar)))
         yield from _part("Units on its bus", list(_bus(profile.grammar)))
-    own = [*selection.of_rig(profile), *(words for item in rig.limits for words in told(item))]
+    own = [*selection.of_rig(profile), *(words for item in rig.limits for words in describe(item))]
     yield from _part("This rig alone", own)
 
 

@@ -36,21 +36,21 @@ def listed(console: Console, found: Asked, *, as_json: bool) -> int:
     return 0
 
 
-def changed(console: Console, told: Answered, *, as_json: bool) -> int:
+def changed(console: Console, answered: Answered, *, as_json: bool) -> int:
     """The lines of octopus.yaml that changed, and what to do next."""
     if as_json:
-        return document(console, {"format": 1, **asdict(told)})
-    if not told.lines:
+        return document(console, {"format": 1, **asdict(answered)})
+    if not answered.lines:
         console.line("octopus.yaml has this answer already; nothing was changed.")
         return 0
-    _lines(console, told)
+    _lines(console, answered)
     console.line(NEXT)
     return 0
 
 
-def _lines(console: Console, told: Answered) -> None:
+def _lines(console: Console, answered: Answered) -> None:
     console.line(console.paint("octopus.yaml", "bold"))
-    for line in told.lines:
+    for line in answered.lines:
         console.raw(f"  {console.paint(f'{line[:1]} {escape(line[1:])}', STYLES.get(line[:1], 'dim'))}")
 
 
@@ -87,8 +87,8 @@ class AskingHuman(RunHuman):
     def _questions(self, result: RunResult) -> None:
         """Nothing: each open question is asked next."""
 
-    def answered(self, told: Answered | None, found: Sequence[Diagnostic]) -> None:
+    def answered(self, outcome: Answered | None, found: Sequence[Diagnostic]) -> None:
         """Show the lines of octopus.yaml that changed, or why none did."""
         problems.show(self._console, found)
-        if told is not None:
-            _lines(self._console, told)
+        if outcome is not None:
+            _lines(self._console, outcome)

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from typing import Any
 
 from octoform.base.escaping import escaped_json
-from octoform.engine.spec_edits import Shown
+from octoform.engine.spec_edits import EditView
 from octoform.state.model import NodeState, Snapshot
 from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
@@ -24,7 +24,7 @@ TOLD = frozenset({"reused", "escalated", "spec_edit"})
 """What of a node's detail is reported here."""
 
 
-def told(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
+def describe(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
     """(label, text) of each line, fit to be shown."""
     reused = _table(state, "reused")
     if state.harness and not state.detail.get("skipped"):
@@ -125,7 +125,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
     say = console.line
     mark = "  tainted" if state.tainted else ""
     say(f"{console.paint(_line(name), 'bold')}  {state.status.value}{mark}  {state.accepted_at or ''}".rstrip())
-    for label, text in told(name, state):
+    for label, text in describe(name, state):
         say(f"  {label:<9} {text}")
     say(f"  output    {_line(plan_text.show(state.output_digest))}")
     say(f"  key       {_line(plan_text.show(state.key))}")
@@ -194,7 +194,7 @@ def _document(console: Console, value: dict[str, Any]) -> int:
 STYLES = {"+": "green", "-": "red", "@": "cyan"}
 
 
-def diff(console: Console, edits: Sequence[Shown], *, as_json: bool) -> int:
+def diff(console: Console, edits: Sequence[EditView], *, as_json: bool) -> int:
     """What waits, as unified diffs against today's specs."""
     if as_json:
         return document(console, {"format": 1, "edits": [asdict(edit) for edit in edits]})
@@ -206,7 +206,7 @@ def diff(console: Console, edits: Sequence[Shown], *, as_json: bool) -> int:
     return 0
 
 
-def _one(console: Console, edit: Shown) -> None:
+def _one(console: Console, edit: EditView) -> None:
     say, paint = console.line, console.paint
     used = "the accepted output was made with it" if edit.accepted else "no accepted output was made with it"
     say(paint(f"{edit.path}  edited in attempt {edit.attempt}; {used}", "bold"))

@@ -7,7 +7,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, kept_secret, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Task, ToolCalled, Trouble, Turn, Usage
+from octoform.harness.port import Closed, ExitReason, ModelProblem, Task, ToolCalled, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_codex]
 NAME, MODEL = "codex", "openai/scripted"
@@ -60,7 +60,7 @@ def test_a_failed_request_is_told_of_with_its_status_and_at_once(
     with serve([{"shell": "true"}, {**DONE, "fail_first": [{"status": 500}]}]) as server:
         ran = run(spec_for(NAME, server), task_for(MODEL))
     assert ran.outcome.reason is ExitReason.FINISHED
-    assert ran.of(Trouble) == [Trouble(ExitReason.UNREACHABLE, "HTTP status 500")]
+    assert ran.of(ModelProblem) == [ModelProblem(ExitReason.UNREACHABLE, "HTTP status 500")]
 
 
 def test_the_login_of_a_person_is_sent_with_the_account_that_it_is_of(

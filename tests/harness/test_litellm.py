@@ -12,7 +12,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, spec_for
 from model_server import serve
 
-from octoform.harness.port import Closed, ExitReason, Price, Said, Task, ToolCalled, ToolReturned, Turn, Usage
+from octoform.harness.port import Closed, ExitReason, Output, Price, Task, ToolCalled, ToolReturned, Turn, Usage
 
 DONE = {"text": "done"}
 
@@ -37,7 +37,7 @@ def test_its_work_its_usage_and_what_its_commands_do_not_get(
     assert task.output.read_text() == '{"made": true}'
     lines = [json.loads(line) for line in task.transcript.read_text().splitlines()]
     assert [item["text"] for item in lines if item["event"] == "said"] == ["I write it.", "done"]
-    assert [event for event in ran.events if not isinstance(event, Said)] == [
+    assert [event for event in ran.events if not isinstance(event, Output)] == [
         Turn(Usage(1000, 400, 50)),
         ToolCalled("shell", f"env > seen; cat task.json; {WRITE}".strip()),
         ToolReturned(),

@@ -7,7 +7,7 @@ import pytest
 from agent_runs import KEY, SECRET, WRITE, Ran, kept_secret, spec_for
 from model_server import serve
 
-from octoform.harness.port import ExitReason, Replying, Said, Task, ToolCalled, Turn, Usage
+from octoform.harness.port import ExitReason, Output, Replying, Task, ToolCalled, Turn, Usage
 
 pytestmark = [pytest.mark.harness, pytest.mark.harness_opencode]
 NAME = "opencode"
@@ -34,7 +34,7 @@ def test_work_over_each_api_is_counted_and_the_key_shows_nowhere(
     assert ran.outcome.reason is ExitReason.FINISHED, ran.task.log.read_text()[-4000:]
     assert ran.task.output.read_text() == '{"made": true}'
     assert [call.text for call in ran.of(ToolCalled)] == [(say + WRITE).strip()]
-    assert "done" in [text.text for text in ran.of(Said)]
+    assert "done" in [text.text for text in ran.of(Output)]
     assert ran.of(Turn) == [Turn(Usage(1000, 400, 50))] * 2
     assert ran.of(Replying) == [], "it is for the watcher alone"
     assert (ran.outcome.turns, ran.outcome.usage) == (2, Usage(2000, 800, 100))

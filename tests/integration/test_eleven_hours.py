@@ -23,10 +23,10 @@ from virtual_rig import ARM, VirtualRig, described, virtual_rig
 from octoform.claims.codec import evidence_of
 from octoform.claims.ledger import CLAIMS
 from octoform.claims.model import Channel, Claim, Reading, Signal, State, holds
-from octoform.claims.settings import bounds_told, settings_of
+from octoform.claims.settings import bound_documents, settings_of
 from octoform.daemon.model import Cause, Done, Finding, Repair, Status
 from octoform.daemon.observe.samples import flattened
-from octoform.daemon.reconcile.supervisor import Round, Supervisor
+from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
@@ -81,7 +81,7 @@ class ArmWorld(DaemonWorld):
         # The breakers stop an agent that does not help after three tries; in the eleven hours it may go on.
         settings = Daemon(calls_per_hour=1000, heal_attempts=100 if whole else 3)
         self.samples = itertools.count()
-        super().__init__(folder, settings, claims=settings_of(layout, 1800.0, bounds_told(layout, protects)))
+        super().__init__(folder, settings, claims=settings_of(layout, 1800.0, bound_documents(layout, protects)))
         self.began = self.now
         self.endpoint = Restrictions(layout.restrictions, clock=self.uptime, boot=self.boot)
         self.served = Entries(read(layout.endpoint / POLICY))
@@ -152,7 +152,7 @@ class ArmWorld(DaemonWorld):
 
     # What must hold at each moment
 
-    def _shown(self, made: Round) -> None:
+    def _shown(self, made: Cycle) -> None:
         super()._shown(made)
         self.seen["rounds"] += 1
         active = self.ledger.active()

@@ -14,9 +14,9 @@ from pathlib import Path
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
-from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, Ports, Repair, Sighting
+from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, LastSeen, Ports, Repair
 from octoform.daemon.reconcile.repair_policy import AtOnce, Bench
-from octoform.daemon.reconcile.supervisor import Round, Supervisor
+from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.daemon.store.memory import Memory
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
@@ -43,7 +43,7 @@ class Truth:
     environment: tuple[str, ...] = ()
     appeared: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
-    devices: dict[str, Sighting] = field(default_factory=dict)
+    devices: dict[str, LastSeen] = field(default_factory=dict)
     log_bytes: dict[str, int] = field(default_factory=dict)
     disk_free: int | None = 10_000_000_000
     failures: list[LoggedCall] = field(default_factory=list)
@@ -71,7 +71,7 @@ class DaemonWorld:
         self.mends: dict[Repair, Mend] = dict(MENDS)
         self.made: list[tuple[float, Repair, str]] = []
         self.alerts: list[Alert] = []
-        self.rounds: list[Round] = []
+        self.rounds: list[Cycle] = []
         self._due: list[tuple[float, int, Callable[[], frozenset[Cause]]]] = []
         self._count = itertools.count()
         self._pids = itertools.count(101)
@@ -109,11 +109,11 @@ class DaemonWorld:
         self.truth.pid = None
         self.begun()
 
-    def start(self) -> Round:
+    def start(self) -> Cycle:
         """The first round."""
         return self.supervisor.round(frozenset({Cause.START}))
 
-    def advance(self, seconds: float) -> list[Round]:
+    def advance(self, seconds: float) -> list[Cycle]:
         """Let so much time pass; the rounds that were made."""
         before = len(self.rounds)
         self.end = self.now + seconds
@@ -121,7 +121,7 @@ class DaemonWorld:
             self.supervisor.step()
         return self.rounds[before:]
 
-    def happens(self, *causes: Cause) -> Round:
+    def happens(self, *causes: Cause) -> Cycle:
         """Something happens now."""
         return self.supervisor.round(frozenset(causes))
 
@@ -255,7 +255,7 @@ class DaemonWorld:
         """The repairs that were made, in order."""
         return [repair for _, repair, name in self.made if target in (None, name)]
 
-    def _shown(self, made: Round) -> None:
+    def _shown(self, made: Cycle) -> None:
         self.rounds.append(made)
 
 

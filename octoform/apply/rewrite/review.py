@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 from octoform.apply.rewrite.scope import Parts, Unit, beyond, divided, own_tools
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.heal_rules import bereft
 from octoform.contracts.rules.serve.device_rules import opens_anything
@@ -41,7 +41,7 @@ def lost(before: Iterable[ast.stmt], after: Iterable[ast.stmt]) -> list[Diagnost
     missing = sorted((had - has).elements())
     found = []
     if missing:
-        summary = f"the rewrite has lost what protects: {listed([shown(item) for item in missing])}"
+        summary = f"the rewrite has lost what protects: {listed([display(item) for item in missing])}"
         found.append(error(WEAKENED, summary, path="server.py", hint=_KEEP_CHECKS))
     if _swallowed(new) > _swallowed(old):
         summary = "the rewrite catches an error and does not raise one, which would hide the fault"
@@ -188,7 +188,7 @@ def _promised(old: Parts, new: Parts) -> Iterator[Diagnostic]:
     before, after = _served(old), _served(new)
     for name in sorted(before.keys() & after.keys()):
         if _promise(before[name]) != _promise(after[name]):
-            summary = f"the rewritten server changes what {shown(name)} takes, returns or declares"
+            summary = f"the rewritten server changes what {display(name)} takes, returns or declares"
             hint = "parameters, defaults, annotations, description and decorators of a tool stay as they are"
             yield replace(new.source.problem(CODE, after[name], summary, hint), path="server.py")
 
@@ -218,11 +218,13 @@ def _brought_in(old: Parts, new: Parts) -> Iterator[Diagnostic]:
     known = {name for name, _, _ in imported_modules(old.source)}
     for name, node, _ in imported_modules(new.source):
         if name not in known:
-            yield _problem(new.source, node, f"the rewritten server imports {shown(name)}, which the accepted does not")
+            yield _problem(
+                new.source, node, f"the rewritten server imports {display(name)}, which the accepted does not"
+            )
     opened = {name for call, name in old.source.calls if opens_anything(old.source, call)}
     for call, name in new.source.calls:
         if name not in opened and opens_anything(new.source, call):
-            yield _problem(new.source, call, f"the rewritten server opens something new with {shown(name)}")
+            yield _problem(new.source, call, f"the rewritten server opens something new with {display(name)}")
 
 
 def _registered(parts: Parts) -> frozenset[str]:

@@ -11,7 +11,7 @@ from collections.abc import Iterable, Iterator, Set
 from dataclasses import replace
 from difflib import SequenceMatcher
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.code_rules import is_standard
 from octoform.contracts.rules.serve.tool_rules import tool_sites
@@ -285,7 +285,7 @@ def _reaching_out(old: Parts, new: Parts) -> Iterator[Diagnostic]:
     for name, node in _sets(new):
         if name not in known:
             yield _problem(
-                new.source, node, f"the rewritten server sets {shown(name)}, which is not this device's alone"
+                new.source, node, f"the rewritten server sets {display(name)}, which is not this device's alone"
             )
 
 
@@ -294,7 +294,9 @@ def _reaching_for(old: Parts, new: Parts, devices: frozenset[str]) -> Iterator[D
     known = {name for name, _ in _reached_by(old, devices)}
     for name, node in _reached_by(new, devices):
         if name not in known:
-            summary = f"the rewritten server reaches for {shown(name)}, by which it can touch what is not this device's"
+            summary = (
+                f"the rewritten server reaches for {display(name)}, by which it can touch what is not this device's"
+            )
             yield _problem(new.source, node, summary)
 
 
@@ -344,7 +346,7 @@ def _imports(old: Source, new: Source, deploy: JsonObject) -> Iterator[Diagnosti
     known = provided | {name for name, _, _ in imported_modules(old)} | {"runtime"}
     for name, node, _ in imported_modules(new):
         if name not in known and not is_standard(name):
-            summary = f"the rewritten server imports {shown(name)}, which DEPLOY has not installed"
+            summary = f"the rewritten server imports {display(name)}, which DEPLOY has not installed"
             yield _problem(new, node, summary, f"what is there: {listed(sorted(provided))}")
 
 

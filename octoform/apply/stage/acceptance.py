@@ -126,7 +126,7 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
         return [error(code, text.format(stage=task.stage, **values), detail=outcome.detail or None, hint=hint)]
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")
-    return [error("APPLY-AGENT-FAILED", text, detail=detail, path=shown(task.log))]
+    return [error("APPLY-AGENT-FAILED", text, detail=detail, path=display(task.log))]
 
 
 def _status(outcome: Outcome) -> str:
@@ -135,7 +135,7 @@ def _status(outcome: Outcome) -> str:
     return f"signal {-outcome.exit_status}" if outcome.exit_status < 0 else f"exit status {outcome.exit_status}"
 
 
-def shown(path: Path) -> str:
+def display(path: Path) -> str:
     """A path of an attempt as a person finds it, from the project's folder."""
     parts = path.parts
     return str(Path(*parts[parts.index(".octoform") :])) if ".octoform" in parts else str(path)
@@ -159,7 +159,7 @@ def cleared(path: Path) -> Path:
 
 def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
     """The declared output's bytes; a missing, linked, special or huge file is refused unread."""
-    path = shown(task.output)
+    path = display(task.output)
     try:
         facts = task.output.lstat()
     except (FileNotFoundError, NotADirectoryError):
@@ -180,13 +180,13 @@ def judge(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnost
     value, found = read_value(task, data)
     if value is None:
         return None, found
-    path = shown(task.output)
+    path = display(task.output)
     return value, found + check(task.stage, value, artifacts(context, task.stage, value), context.schemas, path)
 
 
 def read_value(task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
     """The output as a value; None with the reasons when it cannot be read."""
-    value, found = parse(task.stage, data, shown(task.output))
+    value, found = parse(task.stage, data, display(task.output))
     return (None, found) if has_errors(found) else (value, found)
 
 

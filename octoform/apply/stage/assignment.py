@@ -14,11 +14,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from octoform.apply.context import Context, accepted, predecessor
-from octoform.apply.stage.acceptance import BYTES_QUOTED, Verdict, artifacts, judge, read_output, read_value, shown
+from octoform.apply.stage.acceptance import BYTES_QUOTED, Verdict, artifacts, display, judge, read_output, read_value
 from octoform.apply.stage.artifact_writer import runtime_files
 from octoform.apply.stage.secret_scan import blanked
 from octoform.base import files
-from octoform.base.escaping import shown as quoted
+from octoform.base.escaping import display as quoted
 from octoform.base.files import parse, replace
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import HostScan
@@ -40,7 +40,7 @@ def judge_server(context: Context, task: Task, data: bytes) -> tuple[Any, list[D
     value, found = judge(context, task, data)
     if not isinstance(value, str) or has_errors(found):
         return value, found
-    path = shown(task.output)
+    path = display(task.output)
     return value, [*found, *absent_programs(value, accepted(context, "interface"), context.environ, path)]
 
 
@@ -54,7 +54,7 @@ def judge_interface(context: Context, task: Task, data: bytes) -> tuple[Any, lis
     value, found = judge(context, task, data)
     if not isinstance(value, dict) or has_errors(found):
         return value, found
-    return value, [*found, *lacking_programs(value, context.environ, shown(task.output))]
+    return value, [*found, *lacking_programs(value, context.environ, display(task.output))]
 
 
 def lacking_programs(interface: Mapping[str, Any], environ: Mapping[str, str], path: str) -> list[Diagnostic]:
@@ -104,7 +104,7 @@ def judge_scan(context: Context, task: Task, data: bytes) -> tuple[Any, list[Dia
     fits = has_shape("probe", value, context.schemas)
     scan, more = scan_beside(context, value) if fits else (None, [])
     known = dataclasses.replace(artifacts(context, "probe", value), scan=scan)
-    found += [*check("probe", value, known, context.schemas, shown(task.output)), *more]
+    found += [*check("probe", value, known, context.schemas, display(task.output)), *more]
     return completed(value, scan) if scan is not None else value, found
 
 

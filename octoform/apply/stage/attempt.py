@@ -28,13 +28,13 @@ from octoform.harness.port import (
     AgentEvent,
     Excerpt,
     Harness,
+    ModelProblem,
     Outcome,
-    Said,
+    Output,
     Task,
     TaskLimits,
     ToolCalled,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -274,7 +274,7 @@ def run(context: Context, assignment: Assignment, harness: Harness, task: Task, 
     def progress(event: AgentEvent, elapsed: float, used: Usage) -> None:
         so_far.usage = used
         match event:
-            case Said():
+            case Output():
                 context.emit(events.AttemptProgress(task.stage, event.text, elapsed))
             case ToolCalled():
                 # What begins with these folders, as most of its paths do, would leave no room for their names.
@@ -284,7 +284,7 @@ def run(context: Context, assignment: Assignment, harness: Harness, task: Task, 
                 turns = so_far.turns = (so_far.turns or 0) + isinstance(event, Turn)
                 tokens = (used.input_tokens, used.output_tokens)
                 context.emit(events.AgentSpent(task.stage, turns, *tokens, used.cost_usd, elapsed))
-            case Trouble():
+            case ModelProblem():
                 context.emit(events.AttemptProgress(task.stage, f"the model's side: {event.text}", elapsed))
 
     with nullcontext() if assignment.harness.name in MODEL_FREE else Checks(task.workdir, judge) as checks:

@@ -31,13 +31,13 @@ from octoform.harness.port import (
     Closed,
     ExitReason,
     Harness,
+    ModelProblem,
     Outcome,
-    Said,
+    Output,
     Task,
     TaskLimits,
     ToolCalled,
     ToolReturned,
-    Trouble,
     Usage,
 )
 from octoform.harness.registry import resolve
@@ -74,13 +74,13 @@ def readable_log(task: Task, outcome: Outcome) -> Path:
 
 def _line(event: AgentEvent) -> str:
     match event:
-        case Said():
+        case Output():
             return f"message: {event.text}" if event.text else ""
         case ToolCalled():
             return f"{event.tool}: {event.text}"
         case ToolReturned():
             return "  that failed" if event.failed else ""
-        case Trouble():
+        case ModelProblem():
             return f"the model's side failed: {event.text}"
         case Closed():
             return f"it ended: {event.text}" if event.text else ""

@@ -23,7 +23,7 @@ from octoform.redaction import redacted
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.layout import OUTPUT_NAMES
-from octoform.state.reusable import Donor
+from octoform.state.reusable import ReusableOutput
 
 MOST_FILES = 200
 OURS = frozenset(
@@ -93,7 +93,9 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
         record(context, assignment, prepared, (ended, Verdict(())), None, so_far.checks)
 
 
-def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdict, donor: Donor) -> Diagnostic | None:
+def reused(
+    context: Context, assignment: Assignment, task: Task, verdict: Verdict, source: ReusableOutput
+) -> Diagnostic | None:
     """The record of an output that was taken over: no agent ran."""
     written = AttemptRecord(
         number=int(task.workdir.name.partition("-")[0]),
@@ -105,7 +107,7 @@ def reused(context: Context, assignment: Assignment, task: Task, verdict: Verdic
         started_at=context.clock.stamp(),
         seconds=0.0,
         reason="reused",
-        detail=f"the accepted output of host {donor.host}",
+        detail=f"the accepted output of host {source.host}",
         accepted=verdict.accepted,
         diagnostics=[to_json(item) for item in verdict.diagnostics],
         files=[task.output.name],

@@ -12,7 +12,7 @@ from dataclasses import replace
 from typing import Any
 
 from octoform.apply.context import Context, accepted
-from octoform.apply.stage.acceptance import Verdict, artifacts, read_value, shown
+from octoform.apply.stage.acceptance import Verdict, artifacts, display, read_value
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment
 from octoform.contracts.contract_check import check
@@ -72,7 +72,7 @@ def _judge(
     value, found = read_value(task, data)
     if value is None:
         return None, found
-    path = shown(task.output)
+    path = display(task.output)
     whole = artifacts(context, task.stage, value)
     found = check(task.stage, value, replace(whole, probe=dict(probe)), context.schemas, path)
     if has_errors(found):

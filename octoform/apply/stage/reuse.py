@@ -21,7 +21,7 @@ from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage
 from octoform.state.accepted import file_digest
 from octoform.state.files import read_regular
-from octoform.state.reusable import Donor
+from octoform.state.reusable import ReusableOutput
 
 MOST_REFUSED = 5
 """A test of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""
@@ -56,16 +56,16 @@ def take(context: Context, stage: str, key: str) -> Finished | None:
     return None
 
 
-def _verdict(context: Context, stage: str, donor: Donor, data: bytes) -> Verdict:
+def _verdict(context: Context, stage: str, source: ReusableOutput, data: bytes) -> Verdict:
     assignment = of_stage(context, stage)
     task = new_task(context, assignment, 0, TaskLimits(assignment.budget.attempt_seconds))
     files.replace(task.output, data, 0o644, synced=False)
     verdict = _gate(context, task, data)
-    reused(context, assignment, task, verdict, donor)
+    reused(context, assignment, task, verdict, source)
     if not verdict.accepted:
         return verdict
-    detail = {**verdict.detail, "reused": provenance(context, donor)}
-    return replace(verdict, detail=detail, found=f"{verdict.found}; reused from host {donor.host}")
+    detail = {**verdict.detail, "reused": provenance(context, source)}
+    return replace(verdict, detail=detail, found=f"{verdict.found}; reused from host {source.host}")
 
 
 def _gate(context: Context, task: Task, data: bytes) -> Verdict:
@@ -74,20 +74,20 @@ def _gate(context: Context, task: Task, data: bytes) -> Verdict:
     return Verdict(tuple(found)) if value is None or has_errors(found) else prove(context, task, value, found)
 
 
-def provenance(context: Context, donor: Donor) -> dict[str, object]:
+def provenance(context: Context, source: ReusableOutput) -> dict[str, object]:
     """Where an output comes from, for the state: host, project folder relative to this one's, state, who made it."""
-    state = donor.state
+    state = source.state
     made = state.detail.get("reused")
     origin = made if isinstance(made, dict) else {}
     return {
-        "host": donor.host,
-        "project": _relative(donor, context),
-        "serial": donor.serial,
+        "host": source.host,
+        "project": _relative(source, context),
+        "serial": source.serial,
         "accepted_at": state.accepted_at,
-        "made_for": origin.get("made_for", donor.host),
+        "made_for": origin.get("made_for", source.host),
         "attempts": state.attempts,
     }
 
 
-def _relative(donor: Donor, context: Context) -> str:
-    return os.path.relpath(donor.layout.project, context.layout.project.resolve())
+def _relative(source: ReusableOutput, context: Context) -> str:
+    return os.path.relpath(source.layout.project, context.layout.project.resolve())

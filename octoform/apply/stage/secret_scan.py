@@ -100,10 +100,10 @@ def _given(task: Task) -> Mapping[str, str]:
     return {name: value for name, value in values.items() if len(value) >= SHORTEST}
 
 
-def _looking_like_one(task: Task, said: list[tuple[str, str]]) -> list[Diagnostic]:
+def _looking_like_one(task: Task, texts: list[tuple[str, str]]) -> list[Diagnostic]:
     """Where something looks like a secret; the text as a whole only counts where no part of it does."""
-    places = list(islice((place for place, text in said[1:] if place and _shows_one(text)), MOST_PLACES))
-    if not places and not _shows_one(said[0][1]):
+    places = list(islice((place for place, text in texts[1:] if place and _shows_one(text)), MOST_PLACES))
+    if not places and not _shows_one(texts[0][1]):
         return []
     return [
         error(

@@ -17,8 +17,8 @@ from octoform.apply.stage.acceptance import fresh
 from octoform.apply.stage.artifact_writer import counted, runtime_files
 from octoform.base import files
 from octoform.base.clock import parse_stamp
+from octoform.base.escaping import display as shown_text
 from octoform.base.escaping import listed
-from octoform.base.escaping import shown as shown_text
 from octoform.base.files import replace
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
@@ -38,7 +38,7 @@ from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of
 from octoform.endpoint.environment.system_programs import lacks, missing_programs
 from octoform.endpoint.environment.wheel_records import providers, requirements
-from octoform.endpoint.expected_tools import shown
+from octoform.endpoint.expected_tools import display
 from octoform.endpoint.policy import Holding
 from octoform.endpoint.policy import resolve as resolve_policy
 from octoform.endpoint.policy_check import doubts
@@ -239,7 +239,7 @@ def prove_deploy(context: Context, _: Task, deploy: Mapping[str, Any]) -> Proof:
     report = publish(context, environment, found, deploy=deploy)
     detail: dict[str, object] = {"packages": lock.count("==")}
     if report is not None:
-        detail["said"] = f"{detail['packages']} packages locked, {calls_said(report)}"
+        detail["said"] = f"{detail['packages']} packages locked, {calls_text(report)}"
     return found, {"requirements.txt": lock.encode()}, detail
 
 
@@ -270,7 +270,7 @@ def publish(
         found += ensure_default(context.layout)
     if has_errors(found):
         return None
-    interface = shown(context.layout, accepted(context, "interface"))
+    interface = display(context.layout, accepted(context, "interface"))
     report = check(context.layout, interface, smoke=smoke, seconds=_time(context, math.inf))
     judged = (
         judge(report, interface)
@@ -293,7 +293,7 @@ def _just_seen(context: Context) -> frozenset[str]:
     return frozenset(device["id"] for device in accepted(context, "probe")["devices"])
 
 
-def calls_said(report: CheckReport) -> str:
+def calls_text(report: CheckReport) -> str:
     """How the test calls went, for a person; a tool answered when it did for each of its devices."""
     tried = {call.tool for call in report.calls if call.skipped is None}
     failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}

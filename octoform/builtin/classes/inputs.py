@@ -141,7 +141,7 @@ def claim(device: Device) -> Claim | None:
     interface = device.usb(USB_HID)
     if is_private(device) or device.usb(_CDC_SERIAL):
         return None  # a board with a serial line has a plain HID interface besides
-    if (interface or device.bus == "hid") and _is_told(device):
+    if (interface or device.bus == "hid") and _has_own_words(device):
         evidence = Evidence(interface.line, "human interface device") if interface else device.cite_self("HID device")
         names = device.names("hid", "name") or _own_name(device)
         noun = "USB input device" if interface else "input device"
@@ -149,13 +149,13 @@ def claim(device: Device) -> Claim | None:
     return None
 
 
-def _is_told(device: Device) -> bool:
+def _has_own_words(device: Device) -> bool:
     """Whether anything but the bare class shows what a HID device is: a word of its own, or a driver of its kind.
 
     A power supply, a relay and a meter have that class as well as a keyboard has it.
     """
     names = (device.product_text, *(text for text, _ in (*device.names("hid", "name"), *_own_name(device))))
-    return any(map(product_names.tells_a_model, names)) or not device.drivers <= _ANY_HID
+    return any(map(product_names.has_model_name, names)) or not device.drivers <= _ANY_HID
 
 
 def _from_boot(device: Device) -> Claim | None:

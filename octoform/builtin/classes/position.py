@@ -19,7 +19,7 @@ def claim(device: Device) -> Claim | None:
     """A receiver whose position can be read, or nothing of the kind."""
     if "gnss" in device.classes:
         evidence, via = device.cite("gnss", "the kernel's GNSS class"), "Linux GNSS class (/dev/gnssN), NMEA 0183"
-    elif _says_so(device):
+    elif _names_position(device):
         evidence = device.cite_key("product", "the device's own string names satellite positioning")
         via = "USB CDC-ACM serial line, NMEA 0183 (read only)"
     else:
@@ -28,7 +28,7 @@ def claim(device: Device) -> Claim | None:
     return Claim("gnss", SENSOR, _NOUN, (evidence,), (capability,))
 
 
-def _says_so(device: Device) -> bool:
+def _names_position(device: Device) -> bool:
     spoken = product_names.words(device.strings)
     serial = device.bus == "usb" and device.usb(_CDC_SERIAL) and "tty" in device.classes
     return bool(serial) and not _WORDS.isdisjoint(spoken) and _NETWORK.isdisjoint(device.classes)

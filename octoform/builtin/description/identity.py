@@ -48,10 +48,10 @@ class Identity:
 def identity(device: Device, claim: Claim) -> Identity:
     """The best name of a unit whose kind is already judged."""
     if claim.category == UNKNOWN:
-        return Identity(_shown(device, claim), 0.0, "none")
+        return Identity(_display(device, claim), 0.0, "none")
     if claim.kind == "gpio" and device.bus == "usb":
         # A bridge is itself what was plugged in here; its strings speak of the other wires that it has.
-        return Identity(_shown(device, claim), CLASS_ONLY, "kernel_class", _strings(device))
+        return Identity(_display(device, claim), CLASS_ONLY, "kernel_class", _strings(device))
     found = _translated(_of_usb(device, claim)) if device.bus == "usb" else _of_other(device, claim)
     if found.confidence <= CLASS_ONLY or (claim.settled and _is_cited(found, claim)):
         return found
@@ -104,7 +104,7 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
         confidence = CLASS_ONLY if claim.kind in _NAMELESS else spoken.confidence
         return Identity(spoken.name, confidence, spoken.method, spoken.evidence)
     evidence, entry = _strings(device), device.database
-    if not product_names.is_vendor(maker) and _lends_its_vendor(device, claim):
+    if not product_names.is_vendor(maker) and _gives_its_vendor(device, claim):
         maker = entry.vendor
         evidence += (Evidence(entry.maker or entry.line, f"{entry.source}: {maker}"),) if maker else ()
     joined = product_names.join(maker, product)
@@ -166,7 +166,7 @@ def _borne_out(device: Device, claim: Claim) -> bool:
     return agrees and claim.kind in _OWN_IDS
 
 
-def _lends_its_vendor(device: Device, claim: Claim) -> bool:
+def _gives_its_vendor(device: Device, claim: Claim) -> bool:
     """True when the registered vendor may stand for a maker that the strings do not name."""
     found = device.database.product
     return claim.kind not in _BORROWED and not any(_is_medium(claim, text) for text in (device.product_text, found))
@@ -239,12 +239,12 @@ def _kernel_name(claim: Claim) -> Identity | None:
     if not usable:
         return None
     # What the kernel itself calls generic is still what it is called.
-    text, lines = next((pair for pair in usable if product_names.tells_a_model(pair[0])), usable[0])
+    text, lines = next((pair for pair in usable if product_names.has_model_name(pair[0])), usable[0])
     confidence = KERNEL if product_names.names_a_model(text) else CLASS_ONLY
-    return Identity(text, confidence, "kernel_class", tuple(Evidence(line, _says(text, lines)) for line in lines))
+    return Identity(text, confidence, "kernel_class", tuple(Evidence(line, _statement(text, lines)) for line in lines))
 
 
-def _says(name: str, lines: Sequence[str]) -> str:
+def _statement(name: str, lines: Sequence[str]) -> str:
     """What follows from the lines: that it is called so, and what kind of thing this agent's own words call it."""
     quoted = {word for line in lines for word in product_names.words(line)}
     own = [word for word in product_names.words(name) if word not in quoted]
@@ -256,7 +256,7 @@ def _strings(device: Device) -> tuple[Evidence, ...]:
     return tuple(Evidence(fact.line, "the device's own string") for fact in found)
 
 
-def _shown(device: Device, claim: Claim) -> str:
+def _display(device: Device, claim: Claim) -> str:
     """What an unknown device is called: its own strings as they are, with the kind that shows."""
     strings = product_names.join(device.text("manufacturer"), device.product_text)
     return f"{claim.noun} ({strings})" if strings else claim.noun

@@ -149,15 +149,15 @@ def spread(text: str) -> str:
 def model_words(text: str) -> list[str]:
     """The words of a name that tell one model from another: no class words, versions, letters or small numbers."""
     plain = _DOTTED.sub(" ", without_ids(text))
-    found = [word for word in words(plain) if not _says_nothing(word)]
+    found = [word for word in words(plain) if not _is_filler(word)]
     if found and max(map(len, found)) > _INITIAL:
         return found
     # A coined word of mixed case ('RAMBo', 'uDMX') falls into parts of which none tells anything.
     whole = [word for word in _COINED.findall(plain) if not GENERIC.issuperset(words(word))]
-    return found + [word.lower() for word in whole if not _says_nothing(word.lower())]
+    return found + [word.lower() for word in whole if not _is_filler(word.lower())]
 
 
-def _says_nothing(word: str) -> bool:
+def _is_filler(word: str) -> bool:
     return word in GENERIC or len(word) == 1 or (word.isdigit() and len(word) < 4) or bool(VERSION.fullmatch(word))
 
 
@@ -183,7 +183,7 @@ def names_a_model(text: str) -> bool:
     return is_name(text) and bool(model_words(text)) and not vague
 
 
-def tells_a_model(text: str) -> bool:
+def has_model_name(text: str) -> bool:
     """True for a name with a word that tells models apart, whatever else it states."""
     return is_name(text) and bool(model_words(text)) and not describes_transport(text)
 
@@ -253,7 +253,7 @@ def is_wired_part(word: str) -> bool:
 def is_wire_and_part(text: str) -> bool:
     """True for the name of a wire beside the number of a part and nothing else that tells ('I2C XY2102N')."""
     spelt = words(text)
-    others = [word for word in spelt if word not in _WIRES and not _says_nothing(word)]
+    others = [word for word in spelt if word not in _WIRES and not _is_filler(word)]
     return any(word in _WIRES for word in spelt) and all(map(_NUMBERED_PART.fullmatch, others))
 
 

@@ -156,7 +156,7 @@ def number(entry: Entry, *keys: str) -> int | None:
     return None
 
 
-def said(entry: Entry, *keys: str) -> str:
+def first_text(entry: Entry, *keys: str) -> str:
     """The first text (or number, as text) under one of the keys; empty where the system has nothing to say."""
     for key in keys:
         value = entry.get(key)

@@ -248,14 +248,14 @@ def _base(unit: Unit) -> str:
     return kind if kind.startswith(f"{first}-") or kind == first else f"{first}-{kind}"
 
 
-def _entry(unit: Unit, identity: str, said: str, others: list[str]) -> dict[str, object]:
+def _entry(unit: Unit, identity: str, message: str, others: list[str]) -> dict[str, object]:
     vid, pid = unit.vid_pid()
     nodes = [unit.head, *unit.members] if not unit.group else unit.members
     entry: dict[str, object] = {
         "id": identity,
         "name": name(unit, vid, pid),
         "interface": _interface(unit),
-        "raw_descriptor": said,
+        "raw_descriptor": message,
     }
     if vid and pid:
         entry |= {"vid": vid, "pid": pid}
@@ -290,7 +290,7 @@ def _serial(unit: Unit) -> str:
     return ""
 
 
-def _said(unit: Unit) -> list[str]:
+def _kind_texts(unit: Unit) -> list[str]:
     """What the unit says of its kind: no number is equal to one of these."""
     return ["".join(unit.vid_pid()), *(text for node in (unit.head, *unit.members) for _, text in node.lines)]
 
@@ -304,7 +304,9 @@ def _instance(unit: Unit, others: list[str]) -> dict[str, object]:
         instance["port"] = kernel_text.value(head.name, 200)
         counted = head.subsystem in _UNPLACED_BUSES or (head.member and head.name[-1:].isdecimal())
         place = "weak" if counted else "positional"
-        instance["strength"] = "strong" if serials.tells_apart(serial, filter(None, others), _said(unit)) else place
+        instance["strength"] = (
+            "strong" if serials.is_distinctive(serial, filter(None, others), _kind_texts(unit)) else place
+        )
     if serial and not unit.group:
         instance["serial"] = kernel_text.value(serial, 300)
     nodes = in_class_order(owned(unit))

@@ -7,7 +7,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.builtin.probe import device_units, kernel_text
-from octoform.builtin.probe.commands import Command, Entry, dicts, output, said
+from octoform.builtin.probe.commands import Command, Entry, dicts, first_text, output
 from octoform.builtin.probe.paired import Paired
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.sysfs import Sysfs
@@ -74,29 +74,29 @@ class Windows:
         listed = parse(output(PNP, reader))
         entries = list(_entries(listed))
         # The functions of a device come after it only by chance.
-        for entry in sorted(entries, key=lambda entry: "&MI_" in said(entry, "InstanceId").upper()):
+        for entry in sorted(entries, key=lambda entry: "&MI_" in first_text(entry, "InstanceId").upper()):
             self._note(entry)
 
     def _note(self, entry: Entry) -> None:
-        path = said(entry, "InstanceId").upper()
-        bus, kind = path.partition("\\")[0], said(entry, "Class") or "other"
+        path = first_text(entry, "InstanceId").upper()
+        bus, kind = path.partition("\\")[0], first_text(entry, "Class") or "other"
         if not path or bus not in _WINDOWS_HARDWARE:
             self._software[kind] = self._software.get(kind, 0) + 1
             return
         # Which number a serial port has is no fact about its kind.
-        name = "" if kind in _NAMED_BY_PEOPLE else _COM.sub("", said(entry, "FriendlyName"))
+        name = "" if kind in _NAMED_BY_PEOPLE else _COM.sub("", first_text(entry, "FriendlyName"))
         ids = _USB_IDS.search(path)
         whole = self._whole(ids) if ids and ids[3] else None
         if whole is not None and ids is not None:
-            facts = [f"class {kind}", f"driver={said(entry, 'Service')}", f"label={name}"]
+            facts = [f"class {kind}", f"driver={first_text(entry, 'Service')}", f"label={name}"]
             shown = " ".join(fact for fact in facts if not fact.endswith("="))
             whole.head.add(f"function {ids[3].lower()}", shown)
             return
         unit = self._unit(path, bus, name or kind)
         unit.head.add("windows_class", kind)
         unit.head.add("name", name)
-        unit.head.add("manufacturer", said(entry, "Manufacturer"))
-        unit.head.driver = said(entry, "Service")
+        unit.head.add("manufacturer", first_text(entry, "Manufacturer"))
+        unit.head.driver = first_text(entry, "Service")
 
     def _whole(self, ids: re.Match[str]) -> Unit | None:
         """The one device that a function with these numbers can belong to."""
@@ -126,15 +126,17 @@ class Windows:
     def _shared(self, reader: Reader) -> None:
         report = parse(output(USBIPD, reader))
         for entry in _entries(report.get("Devices") if isinstance(report, dict) else None):
-            if not (place := said(entry, "BusId")):
+            if not (place := first_text(entry, "BusId")):
                 continue  # known from earlier, not plugged in
-            path = said(entry, "InstanceId").upper()
-            stub = said(entry, "StubInstanceId").upper()
+            path = first_text(entry, "InstanceId").upper()
+            stub = first_text(entry, "StubInstanceId").upper()
             unit = self._devices.get(path) or self._devices.get(stub) or self._unit(path, "USB", "")
             if not unit.head.title:
-                unit.head.title = _COM.sub("", said(entry, "Description")) or "USB device"
-            taken = said(entry, "ClientIPAddress")
-            unit.head.add("usbipd", "attached" if taken else "shared" if said(entry, "PersistedGuid") else "not shared")
+                unit.head.title = _COM.sub("", first_text(entry, "Description")) or "USB device"
+            taken = first_text(entry, "ClientIPAddress")
+            unit.head.add(
+                "usbipd", "attached" if taken else "shared" if first_text(entry, "PersistedGuid") else "not shared"
+            )
             unit.extra["port"] = kernel_text.value(place, 200)
 
 

@@ -14,7 +14,7 @@ from xml.parsers.expat import ExpatError
 
 from octoform.base.files import parse
 from octoform.builtin.probe import kernel_text
-from octoform.builtin.probe.commands import RECORDED, Command, Entry, dicts, number, output, said
+from octoform.builtin.probe.commands import RECORDED, Command, Entry, dicts, first_text, number, output
 from octoform.builtin.probe.paired import Paired, described
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
@@ -91,12 +91,12 @@ def _usb_unit(entry: Entry, location: int) -> Unit:
     node.kind = f"{node.vid}-{node.pid}"
     node.add("vendor_id", node.vid)
     node.add("product_id", node.pid)
-    node.add("manufacturer", said(entry, "USB Vendor Name", "kUSBVendorString"))
-    node.add("product", said(entry, "USB Product Name", "kUSBProductString"))
+    node.add("manufacturer", first_text(entry, "USB Vendor Name", "kUSBVendorString"))
+    node.add("product", first_text(entry, "USB Product Name", "kUSBProductString"))
     revision = number(entry, "bcdDevice")
     node.add("revision", f"{revision & 0xFFFF:04x}" if revision is not None else "")
     node.add("device_class", _triple(entry, "bDeviceClass", "bDeviceSubClass", "bDeviceProtocol"))
-    node.serial = said(entry, "USB Serial Number", "kUSBSerialNumberString")
+    node.serial = first_text(entry, "USB Serial Number", "kUSBSerialNumberString")
     return Unit(node)
 
 
@@ -106,16 +106,16 @@ def _part(entry: Entry, unit: Unit) -> Node | None:
     index = number(entry, "bInterfaceNumber")
     if index is not None and (triple := _triple(entry, "bInterfaceClass", "bInterfaceSubClass", "bInterfaceProtocol")):
         node = Node(f"{place}/{index & 0xFF:02x}", "usb", True)
-        drivers = [said(child, "IOObjectClass") for child in dicts(entry.get(CHILDREN))]
-        label = said(entry, "USB Interface Name", "kUSBString")
+        drivers = [first_text(child, "IOObjectClass") for child in dicts(entry.get(CHILDREN))]
+        label = first_text(entry, "USB Interface Name", "kUSBString")
         parts = [f"class {triple}", *(f"driver={driver}" for driver in drivers[:1] if driver)]
         node.add(f"interface {index & 0xFF:02x}", " ".join([*parts, *([f"label={label}"] if label else [])]))
         return node
     if "IOCalloutDevice" in entry:
         return _serial_line(entry, place)
-    if entry.get("Whole") is True and (disk := said(entry, "BSD Name")):
+    if entry.get("Whole") is True and (disk := first_text(entry, "BSD Name")):
         node = Node(f"{place}/{disk}", "disk", True, devname=disk)
-        node.add("name", said(entry, "IORegistryEntryName"))
+        node.add("name", first_text(entry, "IORegistryEntryName"))
         node.size = number(entry, "Size")
         return node
     return None
@@ -123,7 +123,7 @@ def _part(entry: Entry, unit: Unit) -> Node | None:
 
 def _serial_line(entry: Entry, place: str) -> Node | None:
     """A serial line; its name carries a serial number or what somebody calls a telephone, so that it is an address."""
-    callout = said(entry, "IOCalloutDevice").removeprefix("/dev/")
+    callout = first_text(entry, "IOCalloutDevice").removeprefix("/dev/")
     if not callout or "/" in callout:
         return None
     node = Node(f"{place}/tty{number(entry, 'IORegistryEntryID') or 0:x}", "tty", True, address=callout)
@@ -228,7 +228,7 @@ def first(item: Entry, keys: tuple[str, ...]) -> str:
     for key in keys:
         outer, dot, inner = key.partition(".")
         within = item.get(outer) if dot else item
-        if found := said(within, inner or outer) if isinstance(within, dict) else "":
+        if found := first_text(within, inner or outer) if isinstance(within, dict) else "":
             return found
     return ""
 
@@ -325,7 +325,7 @@ class Macos:
         location = _hex(item, "location_id", "USBKeyLocationID")
         if vendor is None and product is None:
             if item.get("_items") or item.get("host_controller") or item.get("Driver"):
-                self._add(_node("usb-controller", said(item, "host_controller", "Driver", "_name")))
+                self._add(_node("usb-controller", first_text(item, "host_controller", "Driver", "_name")))
             return
         known = self._registry.usb
         place = location if location is not None else -1 - len(known)
@@ -335,15 +335,15 @@ class Macos:
         node.vid, node.pid = (f"{value & 0xFFFF:04x}" if value is not None else "" for value in (vendor, product))
         node.add("vendor_id", node.vid)
         node.add("product_id", node.pid)
-        node.add("manufacturer", said(item, "manufacturer", "USBDeviceKeyVendorName"))
-        node.add("product", said(item, "_name"))
-        node.kind = f"{node.vid}-{node.pid}" if node.vid and node.pid else said(item, "_name") or "device"
-        node.serial = said(item, "serial_num", "USBDeviceKeySerialNumber")
+        node.add("manufacturer", first_text(item, "manufacturer", "USBDeviceKeyVendorName"))
+        node.add("product", first_text(item, "_name"))
+        node.kind = f"{node.vid}-{node.pid}" if node.vid and node.pid else first_text(item, "_name") or "device"
+        node.serial = first_text(item, "serial_num", "USBDeviceKeySerialNumber")
         known[place] = Unit(node)
 
     def _camera(self, item: Entry) -> None:
-        name, model = said(item, "_name"), said(item, "spcamera_model-id")
-        identity = said(item, "spcamera_unique-id")
+        name, model = first_text(item, "_name"), first_text(item, "spcamera_model-id")
+        identity = first_text(item, "spcamera_unique-id")
         place = _USB_CAMERA.match(identity)
         usb = self._registry.usb.get(int(place[1], 16)) if place else None
         # A camera that is lent by a telephone is near, no part of this machine, and called as its owner calls it.
@@ -356,64 +356,70 @@ class Macos:
         self._add(node, context=not own)
 
     def _audio(self, item: Entry) -> None:
-        way = said(item, "coreaudio_device_transport").removeprefix("coreaudio_device_type_").removeprefix("spaudio_")
+        way = (
+            first_text(item, "coreaudio_device_transport")
+            .removeprefix("coreaudio_device_type_")
+            .removeprefix("spaudio_")
+        )
         if not way and not item.get("coreaudio_device_input") and not item.get("coreaudio_device_output"):
             return
-        name = said(item, "_name") if way in _OWN_NAMES else ""
+        name = first_text(item, "_name") if way in _OWN_NAMES else ""
         node = self._sounds.get((name, way))
         if node is None:
             usb = self._usb_called(name) if way == "usb" else None
             node = _member(usb, "audio", {"name": name}) if usb else _node("audio", name or f"{way} audio", name=name)
             node.add("transport", way)
-            node.add("manufacturer", said(item, "coreaudio_device_manufacturer") if name else "")
+            node.add("manufacturer", first_text(item, "coreaudio_device_manufacturer") if name else "")
             self._sounds[name, way] = node
             if usb is None:
                 self._add(node)
         for fact, key in (("input_channels", "coreaudio_device_input"), ("output_channels", "coreaudio_device_output")):
-            node.add(fact, "" if fact in dict(node.lines) else said(item, key))
+            node.add(fact, "" if fact in dict(node.lines) else first_text(item, key))
 
     def _display(self, item: Entry) -> None:
-        node = _node("gpu", said(item, "sppci_model", "_name"), model=said(item, "sppci_model"))
-        node.add("vendor", said(item, "spdisplays_vendor").removeprefix("sppci_vendor_"))
+        node = _node("gpu", first_text(item, "sppci_model", "_name"), model=first_text(item, "sppci_model"))
+        node.add("vendor", first_text(item, "spdisplays_vendor").removeprefix("sppci_vendor_"))
         unit = self._add(node)
         for screen in items(item.get("spdisplays_ndrvs")):
             # A screen that is reached by radio is called as its owner calls it.
-            numbered = said(screen, "_spdisplays_display-vendor-id") and "airplay" not in str(screen).lower()
-            part = _member(unit, "monitor", {"name": said(screen, "_name") if numbered else ""})
-            part.add("connection", said(screen, "spdisplays_connection_type").removeprefix("spdisplays_"))
+            numbered = first_text(screen, "_spdisplays_display-vendor-id") and "airplay" not in str(screen).lower()
+            part = _member(unit, "monitor", {"name": first_text(screen, "_name") if numbered else ""})
+            part.add("connection", first_text(screen, "spdisplays_connection_type").removeprefix("spdisplays_"))
 
     def _storage(self, item: Entry) -> None:
         """The drive below a volume; the volume itself is what a person made of it."""
         drive = item.get("physical_drive")
-        if not isinstance(drive, dict) or not (model := said(drive, "device_name")):
+        if not isinstance(drive, dict) or not (model := first_text(drive, "device_name")):
             return
-        protocol = said(drive, "protocol")
+        protocol = first_text(drive, "protocol")
         usb = self._usb_called(model) if protocol == "USB" else None
         known = [unit.head for unit in self._found if unit.head.subsystem == "macos-disk"]
         if usb is None and not any(disk.title == model for disk in known):
-            self._add(_node("disk", model, model=model, protocol=protocol, medium=said(drive, "medium_type")))
+            self._add(_node("disk", model, model=model, protocol=protocol, medium=first_text(drive, "medium_type")))
 
     def _printer(self, item: Entry) -> None:
-        scheme = said(item, "uri").partition(":")[0]
+        scheme = first_text(item, "uri").partition(":")[0]
         if not scheme:
             return
-        node = _node("printer", said(item, "ppd"), model=said(item, "ppd"), connection=scheme)
-        node.address = said(item, "uri")
+        node = _node("printer", first_text(item, "ppd"), model=first_text(item, "ppd"), connection=scheme)
+        node.address = first_text(item, "uri")
         self._add(node, context=scheme not in ("usb", "file"))
 
     def _bluetooth(self, item: Entry) -> None:
         radio = item.get("controller_properties")
         if isinstance(radio, dict):
-            node = _node("bluetooth", "Bluetooth adapter", chipset=said(radio, "controller_chipset"))
-            node.add("transport", said(radio, "controller_transport"))
-            node.address = said(radio, "controller_address")
+            node = _node("bluetooth", "Bluetooth adapter", chipset=first_text(radio, "controller_chipset"))
+            node.add("transport", first_text(radio, "controller_transport"))
+            node.address = first_text(radio, "controller_address")
             self._add(node)
         for key in ("device_connected", "device_not_connected"):
             for named in items(item.get(key)):
                 for facts in named.values():
-                    device = self._paired.known(said(facts, "device_address")) if isinstance(facts, dict) else None
+                    device = (
+                        self._paired.known(first_text(facts, "device_address")) if isinstance(facts, dict) else None
+                    )
                     if device:
-                        word = said(facts, "device_minorType").lower()
+                        word = first_text(facts, "device_minorType").lower()
                         device.kind, device.connected = _BLUETOOTH_KINDS.get(word, ""), key == "device_connected"
                         ids = (_hex(facts, "device_vendorID"), _hex(facts, "device_productID"))
                         maker, product = ("" if value is None else f"{value & 0xFFFF:04x}" for value in ids)
@@ -446,5 +452,5 @@ def _member(unit: Unit, kernel_class: str, facts: Mapping[str, str]) -> Node:
 
 def _hex(item: Entry, *keys: str) -> int | None:
     """A number such as ``0x8514`` or ``0x14100000 / 3``; None where there is none."""
-    found = next((match for key in keys if (match := _HEX.match(said(item, key)))), None)
+    found = next((match for key in keys if (match := _HEX.match(first_text(item, key)))), None)
     return int(found[1], 16) if found else None

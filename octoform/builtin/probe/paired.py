@@ -131,11 +131,11 @@ def _from_file(device: PairedDevice, sections: Mapping[str, Mapping[str, str]]) 
     device.kind = device.kind or _APPEARANCE.get(_number(general.get("Appearance", "")) >> 6, "")
 
 
-def _from_tool(device: PairedDevice, said: str) -> None:
-    facts = dict(_FACT.findall(said))
+def _from_tool(device: PairedDevice, output: str) -> None:
+    facts = dict(_FACT.findall(output))
     alias = _MODALIAS.match(facts.get("Modalias", ""))
     ids = (alias[1], alias[2].lower(), alias[3].lower()) if alias else ("", "", "")
-    described(device, facts.get("Class", "").partition(" ")[0], _STANDARD.findall(said), ids)
+    described(device, facts.get("Class", "").partition(" ")[0], _STANDARD.findall(output), ids)
     device.kind = device.kind or _APPEARANCE.get(_number(facts.get("Appearance", "")) >> 6, "")
     if facts.get("Connected") in ("yes", "no"):
         device.connected = facts["Connected"] == "yes"

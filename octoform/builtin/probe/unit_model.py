@@ -110,9 +110,9 @@ def secrets_of(unit: Unit) -> list[str]:
     return sorted(found, key=len, reverse=True)
 
 
-def scrub(said: str, secrets: list[str]) -> str:
+def scrub(text: str, secrets: list[str]) -> str:
     """Some devices print their serial number into their name; an artifact about kinds must not carry it."""
     for secret in secrets:
-        if secret in said:
-            said = said.replace(secret, _HIDDEN)
-    return _MARKED.sub(rf"\1{_HIDDEN}", said)
+        if secret in text:
+            text = text.replace(secret, _HIDDEN)
+    return _MARKED.sub(rf"\1{_HIDDEN}", text)

@@ -52,14 +52,14 @@ def section(tools: Mapping[str, Mapping[str, Any]], spoken: Spoken, shapes: Shap
                 "head": heading(tools[name], shapes),
                 "do": command.get("do", ""),
                 "result": shapes.type_of(tools[name]["output_schema"]),
-                **(_told(profile["grammar"], command) if "do" in command else _said(profile, command)),
+                **(_local_command(profile["grammar"], command) if "do" in command else _line_command(profile, command)),
             }
             for name, (profile, command) in spoken.items()
         ],
     }
 
 
-def _said(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
+def _line_command(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
     """A command that goes over the line."""
     return {
         "wire": str(profile["name"]),
@@ -71,7 +71,7 @@ def _said(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
     }
 
 
-def _told(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
+def _local_command(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
     """A tool that sends nothing to the device: what the server itself knows of it, or a stop."""
     if command["do"] == "stop":
         return {"until": quoted(str(grammar["stop"]["until"]))}

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from octoform.claims.ledger import Ledger
     from octoform.claims.model import Claim
     from octoform.daemon.model import Status
-    from octoform.daemon.reconcile.supervisor import Round
+    from octoform.daemon.reconcile.supervisor import Cycle
 
 
 class Shown(Protocol):
     """A view of the check cycles."""
 
-    def __call__(self, made: Round, /) -> None:
+    def __call__(self, made: Cycle, /) -> None:
         """Show one."""
 
     def end(self) -> None:
@@ -131,7 +131,7 @@ def run_claims(arguments: Namespace, project: Path, screen: Console) -> int:
     if problem is None:
         ledger.expire()
     listed = everything(ledger, over=arguments.all)
-    problems.show(screen, ledger.told())
+    problems.show(screen, ledger.new_diagnostics())
     return view.listed(screen, listed, everything=arguments.all, as_json=arguments.json)
 
 
@@ -151,7 +151,7 @@ def run_confirm(arguments: Namespace, project: Path, screen: Console) -> int:
     if rewrite is not None:
         return _rewrite(arguments, project, screen, rewrite)
     if arguments.reject:
-        return _told(screen, ledger.reject(arguments.claim, person()), as_json=arguments.json)
+        return _print_outcome(screen, ledger.reject(arguments.claim, person()), as_json=arguments.json)
     return _claim(arguments, project, screen, ledger)
 
 
@@ -171,7 +171,7 @@ def _claim(arguments: Namespace, project: Path, screen: Console, ledger: Ledger)
             return problems.show(screen, [_not_approved()])
         if problem := undecidable(project, os.environ):  # a person takes their time
             return problems.show(screen, [problem])
-    return _told(screen, ledger.confirm(arguments.claim, person()), as_json=arguments.json)
+    return _print_outcome(screen, ledger.confirm(arguments.claim, person()), as_json=arguments.json)
 
 
 def _listed(arguments: Namespace, project: Path, screen: Console, claims: Sequence[Claim]) -> int:
@@ -220,7 +220,7 @@ def _not_approved() -> Diagnostic:
     return error("CLAIM-NOT-APPROVED", "nothing was decided: it was not approved", hint=hint)
 
 
-def _told(screen: Console, done: Claim | Diagnostic, *, as_json: bool) -> int:
+def _print_outcome(screen: Console, done: Claim | Diagnostic, *, as_json: bool) -> int:
     from octoform.views.daemon import requests as view
 
     if isinstance(done, Diagnostic):

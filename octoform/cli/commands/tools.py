@@ -110,7 +110,7 @@ def run_look(arguments: Namespace, project: Path, screen: Console) -> int:
             for number, seen in enumerate(_looks(eye, interval, count, person), 1):
                 person.clear()
                 path = _file(arguments.save, number if interval is not None else 0)
-                status = _shown(screen, seen, path, as_json=arguments.json)
+                status = _print_look(screen, seen, path, as_json=arguments.json)
     except Stopped as stopped:
         return 128 + stopped.number
     except KeyboardInterrupt:
@@ -126,7 +126,7 @@ def _looks(eye: Eye, interval: float | None, count: int | None, person: Person) 
     return islice(heartbeat(eye, interval or eye.settings.interval, person), count)
 
 
-def _shown(screen: Console, seen: Look, path: Path | None, *, as_json: bool) -> int:
+def _print_look(screen: Console, seen: Look, path: Path | None, *, as_json: bool) -> int:
     """The look with its picture saved; a picture that can't be written is an error whatever it shows."""
     from octoform.engine.look import save
     from octoform.perception.capture import Taken

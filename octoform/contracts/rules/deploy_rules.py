@@ -7,7 +7,7 @@ index happens to offer on the day of a repair. Light.
 import re
 from collections.abc import Collection, Iterator, Mapping
 
-from octoform.base.escaping import escaped, flattened, listed, shown
+from octoform.base.escaping import display, escaped, flattened, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.code_rules import is_standard
@@ -49,10 +49,12 @@ def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnosti
     out = []
     for module, inside in _foreign_imports(artifacts).items():
         if module not in provided:
-            summary = f"server.py imports {shown(module)}, and imports names nothing that provides it"
+            summary = f"server.py imports {display(module)}, and imports names nothing that provides it"
             hint = "add it to imports with the requirement that provides it"
         elif normalised(provided[module]) in failed and not inside:
-            summary = f"server.py imports {shown(module)} at its top, but {shown(provided[module])} failed to install"
+            summary = (
+                f"server.py imports {display(module)} at its top, but {display(provided[module])} failed to install"
+            )
             hint = "find a version that installs; only an import inside a function can do without"
         else:
             continue
@@ -74,7 +76,9 @@ def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         else:
             fits = normalised(provider) in names
         if not fits:
-            summary = f"{shown(item['module'])} is declared to come from {shown(provider)}, which does not provide it"
+            summary = (
+                f"{display(item['module'])} is declared to come from {display(provider)}, which does not provide it"
+            )
             hint = "name one of requirements; `python` is the standard library, `runtime` only the module runtime"
             where = pointer("imports", index, "provided_by")
             out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
@@ -88,7 +92,9 @@ def provider_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, item in enumerate(value["imports"]):
         module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])
         if first.setdefault(module, provider) != provider:
-            summary = f"{shown(module)} is declared to come from {shown(first[module])} and from {shown(provider)}"
+            summary = (
+                f"{display(module)} is declared to come from {display(first[module])} and from {display(provider)}"
+            )
             where = pointer("imports", index, "provided_by")
             hint = "require the one whose build has what the server calls, and leave the other out"
             out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
@@ -112,7 +118,9 @@ def version_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         except InvalidVersion:
             fits = False
         if not fits:
-            summary = f"{shown(item['name'])} {shown(item['version'])} is outside of the header's range {shown(text)}"
+            summary = (
+                f"{display(item['name'])} {display(item['version'])} is outside of the header's range {display(text)}"
+            )
             hint = "take a version within the range; if none works, report that in `error` for the next SERVE"
             where = pointer("requirements", index, "version")
             out.append(error("DEPLOY-VERSION-OUTSIDE", summary, pointer=where, hint=hint))
@@ -124,7 +132,7 @@ def version_local(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "DEPLOY-VERSION-LOCAL",
-            f"{shown(name)} {shown(text)} is a local build, which no index offers to others",
+            f"{display(name)} {display(text)} is a local build, which no index offers to others",
             pointer=pointer("requirements", index, "version"),
             hint=f"take the public version: {text.partition('+')[0]}",
         )
@@ -144,7 +152,7 @@ def version_early(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         except InvalidVersion:
             continue  # outside of every range
         if early:
-            summary = f"{shown(name)} {shown(text)} is no finished release"
+            summary = f"{display(name)} {display(text)} is no finished release"
             hint = "take a finished release; if only this one works, state that in `why`"
             where = pointer("requirements", index, "version")
             out.append(warning("DEPLOY-VERSION-EARLY", summary, pointer=where, hint=hint))
@@ -162,11 +170,11 @@ def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         wanted = SpecifierSet(value["python"])
         given = SpecifierSet(required_python(artifacts.serve or ""))
     except InvalidSpecifier:
-        summary = f"{shown(value['python'])} is no range of Python versions"
+        summary = f"{display(value['python'])} is no range of Python versions"
         return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
     if any(each in wanted and each in given for each in _PYTHONS):
         return []
-    summary = f"no version of Python is both {shown(value['python'])} and {shown(str(given))}, as the server asks"
+    summary = f"no version of Python is both {display(value['python'])} and {display(str(given))}, as the server asks"
     return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
 
 
@@ -176,7 +184,7 @@ def failed_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         warning(
             "DEPLOY-FAILED-UNKNOWN",
-            f"{shown(item['name'])} is reported as failed, and the server asks for no such package",
+            f"{display(item['name'])} is reported as failed, and the server asks for no such package",
             pointer=pointer("deps_failed", index, "name"),
             hint="name the package as the server's header does, or take it out",
         )
@@ -194,7 +202,7 @@ def import_not_there(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     for index, item in enumerate(value["imports"]):
         if item["provided_by"] in ("python", "runtime") or item["module"].partition(".")[0] in imported:
             continue
-        summary = f"server.py does not import {shown(item['module'])}"
+        summary = f"server.py does not import {display(item['module'])}"
         hint = "list what the server imports, and require nothing for the rest"
         out.append(error("DEPLOY-IMPORT-NOT-THERE", summary, pointer=pointer("imports", index), hint=hint))
     return out
@@ -207,7 +215,7 @@ def duplicate_requirement(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, item in enumerate(value["requirements"]):
         before = first.setdefault(normalised(item["name"]), index)
         if before != index:
-            summary = f"{shown(item['name'])} is required twice, first at requirements[{before}]"
+            summary = f"{display(item['name'])} is required twice, first at requirements[{before}]"
             where = pointer("requirements", index, "name")
             out.append(error("DEPLOY-DUPLICATE-REQUIREMENT", summary, pointer=where, hint="keep one exact version"))
     return out
@@ -219,7 +227,7 @@ def failed_and_required(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "DEPLOY-FAILED-AND-REQUIRED",
-            f"{shown(item['name'])} failed to install and is a requirement",
+            f"{display(item['name'])} failed to install and is a requirement",
             pointer=pointer("deps_failed", index, "name"),
             hint="a requirement must install; take it out of one of the two lists",
         )
@@ -234,7 +242,7 @@ def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagn
     return [
         error(
             "DEPLOY-DECLARED-NOT-REQUIRED",
-            f"server.py declares {shown(name)}, which is neither required nor reported as failed",
+            f"server.py declares {display(name)}, which is neither required nor reported as failed",
             pointer="/requirements",
             hint="add it to requirements with an exact version",
         )
@@ -252,7 +260,7 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "DEPLOY-REQUIREMENT-UNUSED",
-            f"{shown(item['name'])} provides no import and gives no reason why it is required",
+            f"{display(item['name'])} provides no import and gives no reason why it is required",
             pointer=pointer("requirements", index),
             hint="take it out, or write its purpose into `why`",
         )
@@ -273,7 +281,7 @@ def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     out = [
         error(
             "DEPLOY-PROGRAMS-DIFFER",
-            f"server.py does not start {shown(name)}",
+            f"server.py does not start {display(name)}",
             pointer=pointer("programs", index, "name"),
             hint="list the programs that are first in its lists for subprocess, spelt as there",
         )
@@ -281,7 +289,7 @@ def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
         if name not in started
     ]
     if absent := sorted(started - {*listed}):
-        summary = f"server.py starts {', '.join(map(shown, absent))}, which `programs` does not list"
+        summary = f"server.py starts {', '.join(map(display, absent))}, which `programs` does not list"
         hint = "add it with the package of this system that has it"
         out.append(error("DEPLOY-PROGRAMS-DIFFER", summary, pointer="/programs", hint=hint))
     return out
@@ -326,7 +334,7 @@ def _named_as_module(value: JsonObject) -> list[Diagnostic]:
         module = item.get("why", "").strip()
         other = providers.get(module)
         if other is not None and normalised(other) != normalised(item["name"]):
-            summary = f"{shown(item['name'])} is required for {shown(module)}, which {shown(other)} provides"
+            summary = f"{display(item['name'])} is required for {display(module)}, which {display(other)} provides"
             hint = "require the one package that provides the module, and leave the other out"
             where = pointer("requirements", index, "name")
             out.append(error("DEPLOY-PROVIDER-TWICE", summary, pointer=where, hint=hint))
@@ -340,7 +348,7 @@ def _builds_twice(value: JsonObject) -> list[Diagnostic]:
     for index, words in names:
         for other, fewer in names:
             if index != other and words > fewer and words - fewer <= _BUILDS:
-                one, two = (shown(value["requirements"][at]["name"]) for at in (index, other))
+                one, two = (display(value["requirements"][at]["name"]) for at in (index, other))
                 summary = f"{one} and {two} are two builds of one library and overwrite each other"
                 hint = "require the one whose build has what the server calls, and leave the other out"
                 where = pointer("requirements", index, "name")
@@ -384,7 +392,7 @@ def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> 
         version = locked.get(normalised(item["name"]))
         if version != item["version"]:
             found = f"has version {version}" if version else "is not in the lock"
-            summary = f"{shown(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
+            summary = f"{display(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
             out.append(error("DEPLOY-LOCK-MISSING", summary, path=path, hint="resolve the lock again"))
     return out
 
@@ -414,13 +422,13 @@ def deploy_installed(
             continue
         used |= real
         says = f"; it comes from {listed(sorted(real))}" if real else ", and nothing else that is installed has it"
-        summary = f"{shown(provider)} is installed and has no module {shown(module)}{says}"
+        summary = f"{display(provider)} is installed and has no module {display(module)}{says}"
         hint = "name the package that has the module, and require that one"
         where = pointer("imports", index, "provided_by")
         out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=hint))
     for index, item in enumerate(deploy["requirements"]):
         if normalised(item["name"]) not in used:
-            summary = f"{shown(item['name'])} has no module that server.py imports, and no other package needs it"
+            summary = f"{display(item['name'])} has no module that server.py imports, and no other package needs it"
             where = pointer("requirements", index)
             out.append(error("DEPLOY-REQUIREMENT-UNUSED", summary, pointer=where, hint="take it out"))
     return out
@@ -452,9 +460,9 @@ def _entry(line: str, locked: dict[str, str]) -> tuple[str, str, str] | None:
         return "DEPLOY-LOCK-URL", "the lock takes a package from outside the index", hint
     match = _PINNED.fullmatch(line)
     if match is None:
-        return "DEPLOY-LOCK-UNPINNED", f"{shown(line)} is not pinned to one version", hint
+        return "DEPLOY-LOCK-UNPINNED", f"{display(line)} is not pinned to one version", hint
     if not _HASH.search(match["rest"]):
-        return "DEPLOY-LOCK-NO-HASH", f"{shown(match['name'])} has no SHA-256 hash", hint
+        return "DEPLOY-LOCK-NO-HASH", f"{display(match['name'])} has no SHA-256 hash", hint
     locked[normalised(match["name"])] = match["version"]
     return None
 

@@ -7,7 +7,7 @@ import ast
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules import report_rules, text_rules
@@ -44,7 +44,7 @@ def target_differs(value: JsonObject, artifacts: Artifacts) -> Found:
     target = facts_of(artifacts).target
     if target is None or value["target"] == target:
         return []
-    summary = f"the target is {shown(target)}, not {shown(value['target'])}"
+    summary = f"the target is {display(target)}, not {display(value['target'])}"
     return [error("HEAL-TARGET-DIFFERS", summary, pointer="/target", hint=f"write {target}")]
 
 
@@ -83,7 +83,7 @@ def foreign_function(value: JsonObject, artifacts: Artifacts) -> Found:
         if name not in own:
             near = did_you_mean(name, own)
             hint = f"did you mean {near}?" if near else f"the tool's own are {listed(list(own))}" if own else "none is"
-            summary = f"the function {shown(name)} is not this tool's own"
+            summary = f"the function {display(name)} is not this tool's own"
             found.append(error("HEAL-FOREIGN-FUNCTION", summary, pointer=pointer("functions", index), hint=hint))
     return found
 
@@ -191,12 +191,12 @@ def _invents(before: _Side, after: _Side) -> Iterator[Diagnostic]:
     names = {ast.dump(node.value) for node in _returns(before) if node.value is not None}
     for node in _returns(after):
         if node.value is not None and _constant(node.value) and ast.dump(node.value) not in names:
-            summary = f"the rewrite answers with {shown(ast.unparse(node.value), 40)}, which nothing has read"
+            summary = f"the rewrite answers with {display(ast.unparse(node.value), 40)}, which nothing has read"
             yield _placed(after.source, node, summary)
     read = {name for name, values in _assigned(before).items() if any(_asks(value) for value in values)}
     for name, values in _assigned(after).items():
         if name in read and not any(_asks(value) for value in values):
-            summary = f"the rewrite gives {shown(name)} a value that it has not read"
+            summary = f"the rewrite gives {display(name)} a value that it has not read"
             yield _placed(after.source, values[0], summary)
 
 

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, error
@@ -69,10 +69,10 @@ def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     platform, own = value["platform"], known.scan.probe["platform"]
     for name in _PLATFORM:
         if own.get(name) not in (None, "", "unknown") and not _agrees(str(platform.get(name, own[name])), own[name]):
-            lines.append((name, shown(platform[name]), shown(own[name]), "/platform"))
+            lines.append((name, display(platform[name]), display(own[name]), "/platform"))
     host, named = str(known.scan.probe.get("hostname", "")), str(value["hostname"])
     if host and named and host.partition(".")[0].casefold() != named.partition(".")[0].casefold():
-        lines.append(("hostname", shown(named), shown(host), ""))
+        lines.append(("hostname", display(named), display(host), ""))
     return [
         error(
             "PROBE-CONTRADICTED",
@@ -89,7 +89,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     if known.scan is None:
         return []
     there = {device["id"] for device in value["devices"]} | {each["id"] for each in value.get("left_out", ())}
-    missing = [each for each in _by_id(known.scan).values() if _stands_alone(each) and each["id"] not in there]
+    missing = [each for each in _by_id(known.scan).values() if _is_single(each) and each["id"] not in there]
     if not missing:
         return []
     count = f"{len(missing)} devices" if len(missing) > 1 else "1 device"
@@ -102,7 +102,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         summary = (
             f"the host shows {count} that PROBE does not list; {also}ids: {', '.join(each['id'] for each in part)}"
         )
-        lines = [f"{each['id']}: {shown(each['name'])}, {each['instance']['sysfs']}" for each in part[:SHOWN_AT_ONCE]]
+        lines = [f"{each['id']}: {display(each['name'])}, {each['instance']['sysfs']}" for each in part[:SHOWN_AT_ONCE]]
         detail = "\n".join(lines)
         out.append(error("PROBE-DEVICE-MISSING", summary, pointer="/devices", detail=detail, hint=hint))
     return out
@@ -117,18 +117,18 @@ def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     true = _by_id(known.scan) if known.scan else None
     out = []
     for index, item in enumerate(value.get("left_out", ())):
-        name, where = shown(item["id"]), pointer("left_out", index, "id")
+        name, where = display(item["id"]), pointer("left_out", index, "id")
         if item["id"] in listed:
             found = f"{name} is skipped and listed as well", "take it out of one of the two"
         elif true is not None and item["id"] in true and _DENIED.search(item["reason"]):
-            found = f"{name} is skipped because {shown(item['reason'])}, and this user may read it", "list it"
+            found = f"{name} is skipped because {display(item['reason'])}, and this user may read it", "list it"
         elif _FILTER.search(item["reason"]):
-            found = f"{name} is skipped because {shown(item['reason'])}: PROBE does not choose", "list it"
+            found = f"{name} is skipped because {display(item['reason'])}: PROBE does not choose", "list it"
         else:
             continue
         out.append(error("PROBE-LEFT-OUT", found[0], pointer=where, hint=found[1]))
     count = sum(item["id"] in (true or {}) for item in value.get("left_out", ()))
-    units = sum(map(_stands_alone, (true or {}).values()))
+    units = sum(map(_is_single, (true or {}).values()))
     if true is not None and count > max(FEW, units // 4):
         summary = f"{count} of the {units} devices of the host are skipped"
         hint = "list them; what cannot be listed for a reason of its own is one device, or two"
@@ -144,14 +144,15 @@ def scan_untold(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     text = " ".join(f"{scan['name']} {scan.get('detail', '')}" for scan in worked).casefold()
     if _WHOLE_TREE.search(text):
         return []
-    shared = {device["interface"] for device in known.scan.probe["devices"] if _stands_alone(device)}
+    shared = {device["interface"] for device in known.scan.probe["devices"] if _is_single(device)}
     listed = {device["interface"] for device in value["devices"] if device.get("context") is not True}
     return [
         error(
             "PROBE-SCAN-UNTOLD",
-            f"devices on {shown(name)} are listed, and no scan that worked shows how they were found",
+            f"devices on {display(name)} are listed, and no scan that worked shows how they were found",
             pointer="/scan_methods",
-            hint=f"list every way of looking with its status, with the bus or class in its name, such as {shown(name)}",
+            hint="list every way of looking with its status, with the bus or class in its name, "
+            f"such as {display(name)}",
         )
         for name in sorted(listed & shared)
         if name != "virtual" and _bare(name) not in _bare(text)
@@ -163,10 +164,10 @@ def scan_false(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     out = []
     for found in known.scan.untrue if known.scan else ():
         name, why = (
-            shown(found["program"]),
+            display(found["program"]),
             "nothing of it was recorded on this host" if found["recorded"] else "it is not here",
         )
-        summary = f"the scan {shown(value['scan_methods'][found['scan']]['name'])} worked with {name}, and {why}"
+        summary = f"the scan {display(value['scan_methods'][found['scan']]['name'])} worked with {name}, and {why}"
         hint = "write not_found, or unsupported on a recorded host; name what really found the devices"
         out.append(error("PROBE-SCAN-FALSE", summary, pointer=pointer("scan_methods", found["scan"]), hint=hint))
     return out
@@ -204,10 +205,10 @@ def _filled(device: JsonObject, true: JsonObject) -> JsonObject:
     return {**device, **facts, "interface": true["interface"], "instance": instance}
 
 
-def _agrees(said: str, own: str) -> bool:
+def _agrees(text: str, own: str) -> bool:
     """Whether a fact of the platform is the same in another spelling: ``Linux``, ``12 (bookworm)``, ``amd64``."""
-    spoken = {_ALIASES.get(word, word) for word in re.split(r"[\s(),;]+", said.casefold()) if word}
-    return set(re.split(r"\s+", own.casefold())) <= spoken | {said.casefold()}
+    spoken = {_ALIASES.get(word, word) for word in re.split(r"[\s(),;]+", text.casefold()) if word}
+    return set(re.split(r"\s+", own.casefold())) <= spoken | {text.casefold()}
 
 
 def _bare(text: str) -> str:
@@ -218,7 +219,7 @@ def _by_id(scan: HostScan) -> dict[str, JsonObject]:
     return {device["id"]: device for device in scan.probe["devices"]}
 
 
-def _stands_alone(device: JsonObject) -> bool:
+def _is_single(device: JsonObject) -> bool:
     """A unit of the kernel in a place of its own: no neighbour, and no entry that stands for many of a kind."""
     return device.get("context") is not True and {"sysfs", "port"} <= device["instance"].keys()
 
@@ -237,12 +238,12 @@ def _alike(device: JsonObject, true: JsonObject) -> bool:
 
 
 def _unknown(device: JsonObject, free: list[str], alike: list[str]) -> tuple[str, str]:
-    name = shown(device["id"])
+    name = display(device["id"])
     if free:
-        hint = f"write {' or '.join(map(shown, free[:3]))}, as the system's kinds are called"
-        return f"no tool will find {name}: the host calls it {' or '.join(map(shown, free[:3]))}", hint
+        hint = f"write {' or '.join(map(display, free[:3]))}, as the system's kinds are called"
+        return f"no tool will find {name}: the host calls it {' or '.join(map(display, free[:3]))}", hint
     if alike:
-        kinds = ", ".join(map(shown, alike[:3]))
+        kinds = ", ".join(map(display, alike[:3]))
         return f"{name} is one too many: all that the host shows of its kind is listed ({kinds})", "take the entry out"
     hint = "take the entry out; what is merely near (a neighbour in the network, a radio in range) has context: true"
     return f"the host shows no device {name}", hint
@@ -262,9 +263,9 @@ def _differences(
     """(member, what is stated, what is true) where a device's entry and the host differ; ``taken`` are all places."""
     for name in _NUMBERS:
         if device.get(name, true.get(name)) != true.get(name):
-            yield name, shown(device[name]), shown(true[name]) if name in true else "none"
+            yield name, display(device[name]), display(true[name]) if name in true else "none"
     if true["interface"].casefold() not in re.split(r"[^0-9a-z_-]+", device["interface"].casefold()):
-        yield "interface", shown(device["interface"]), shown(true["interface"])
+        yield "interface", display(device["interface"]), display(true["interface"])
     for name, more in (("classes", True), ("drivers", False)):
         given, shows = {*device.get(name, ())}, {*true.get(name, ())}
         if not given <= shows or (more and given != shows):
@@ -275,12 +276,12 @@ def _differences(
     single = ("sysfs", "serial", "port") if _is_port(found, own) else ("sysfs", "serial")
     for name in single:
         if found.get(name) and own.get(name) and found[name] != own[name]:
-            yield f"instance.{name}", shown(found[name]), shown(own[name])
+            yield f"instance.{name}", display(found[name]), display(own[name])
     free = {place for place in _places({**device, "interface": true["interface"]}) if place not in _places(true)}
     free = {place for place in free if "port" not in single or not place[0].startswith("port")}
     for name, place in sorted(each for each in free if taken.get(each, true["id"]) != true["id"]):
         right = [own_place for kind, own_place in _places(true) if kind == name]
-        yield f"instance.{name.partition(' ')[0]}", shown(place), _listed(right)
+        yield f"instance.{name.partition(' ')[0]}", display(place), _listed(right)
 
 
 def _misplaced(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str, str]]:
@@ -293,17 +294,17 @@ def _misplaced(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str,
         others = {each for name, texts in own.items() if name != key.casefold() for each in texts}
         wrong = (given in others and any(map(str.isalpha, given))) or given in _NONE
         if right and given not in right and wrong and not right & _NONE:
-            yield "raw_descriptor", shown(f"{key}: {text}"), shown(f"{key}: {min(right)}")
+            yield "raw_descriptor", display(f"{key}: {text}"), display(f"{key}: {min(right)}")
 
 
 def _spoken(text: str) -> str:
     return " ".join(text.casefold().split())
 
 
-def _is_port(said: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
+def _is_port(entry: Mapping[str, Any], own: Mapping[str, Any]) -> bool:
     """Whether a port is spelt as the host spells ports of USB, and so can be another one."""
-    return all(re.fullmatch(r"\d+-\d+(?:\.\d+)*", str(each.get("port", ""))) for each in (said, own))
+    return all(re.fullmatch(r"\d+-\d+(?:\.\d+)*", str(each.get("port", ""))) for each in (entry, own))
 
 
 def _listed(names: list[str] | None) -> str:
-    return ", ".join(map(shown, sorted(names))) if names else "none"
+    return ", ".join(map(display, sorted(names))) if names else "none"

@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator
 
 from octoform.base.clock import parse_stamp
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.host_identity import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
@@ -92,10 +92,12 @@ def neighbour_not_context(value: JsonObject, known: Artifacts) -> list[Diagnosti
         words = set(re.split(r"[\s_/:.]+", device["interface"].casefold()))
         attached = [*device.get("classes", ()), *device.get("drivers", ())]
         if words & _NEIGHBOURHOODS and device.get("context") is not True:
-            summary = f"{shown(device['id'])} was seen over {shown(device['interface'])} and is not marked as context"
+            summary = (
+                f"{display(device['id'])} was seen over {display(device['interface'])} and is not marked as context"
+            )
             hint = "set context to true: a neighbour is surroundings, not a device of this host"
         elif device.get("context") is True and attached and true is not None and device["id"] not in true:
-            summary = f"{shown(device['id'])} is marked as context, and has {listed(attached)} of this host"
+            summary = f"{display(device['id'])} is marked as context, and has {listed(attached)} of this host"
             hint = "leave context out for what is attached; a neighbour has neither drivers nor classes here"
         else:
             continue
@@ -109,7 +111,7 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, scan in enumerate(value["scan_methods"]):
         for member in ("name", "detail"):
-            if _tells_of_touching(scan.get(member, "")):
+            if _claims_to_touch(scan.get(member, "")):
                 out.append(_touched(scan[member], pointer("scan_methods", index, member)))
     for index, device in enumerate(value["devices"]):
         if "tty" not in device.get("classes", ()):
@@ -150,7 +152,7 @@ def timestamp(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     if moment is not None and moment.tzinfo is not None:
         return []
     why = "is no time" if moment is None else "has no offset"
-    summary = f"the timestamp {shown(value['timestamp'])} {why}"
+    summary = f"the timestamp {display(value['timestamp'])} {why}"
     hint = "write the time at which you looked, in UTC and in the form 2026-01-31T12:34:56Z"
     return [error("PROBE-TIMESTAMP", summary, pointer="/timestamp", hint=hint)]
 
@@ -160,14 +162,14 @@ def serial_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, device in enumerate(value["devices"]):
         if device.get("context") is True and _ADDRESS.search(device["id"]):
-            summary = f"the id {shown(device['id'])} is made of an address"
+            summary = f"the id {display(device['id'])} is made of an address"
             hint = "build the id from the kind, such as bus and service, and add an ordinal"
             out.append(error("PROBE-SERIAL-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
         bare = _bare(device["id"])
         for member, secret in secrets_of(device.get("instance", {})):
             mark = _bare(secret)
             if len(mark) >= 6 and any(item.isdigit() for item in mark) and len(set(mark)) > 2 and mark in bare:
-                summary = f"the id {shown(device['id'])} contains the device's own {member}"
+                summary = f"the id {display(device['id'])} contains the device's own {member}"
                 hint = "build the id from the kind, such as bus, vendor and product, and add an ordinal"
                 out.append(error("PROBE-SERIAL-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
     return out
@@ -181,7 +183,7 @@ def port_in_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         if len(port) < 5 or not _PORT.fullmatch(port):
             continue
         if f"-{_dashed(port)}-" in f"-{_dashed(device['id'])}-":
-            summary = f"the id {shown(device['id'])} contains the port {shown(port)}"
+            summary = f"the id {display(device['id'])} contains the port {display(port)}"
             hint = "build the id from the kind; a device that is plugged in elsewhere keeps its id"
             out.append(error("PROBE-PORT-IN-ID", summary, pointer=pointer("devices", index, "id"), hint=hint))
     return out
@@ -210,12 +212,12 @@ def _repeated(items: list[JsonObject], member: str, name: str, code: str, hint: 
     for index, item in enumerate(items):
         before = first.setdefault(item[member], index)
         if before != index:
-            summary = f"{name}[{index}] has the {member} {shown(item[member])}, as {name}[{before}] has"
+            summary = f"{name}[{index}] has the {member} {display(item[member])}, as {name}[{before}] has"
             out.append(error(code, summary, pointer=pointer(name, index, member), hint=hint))
     return out
 
 
-def _tells_of_touching(text: str) -> bool:
+def _claims_to_touch(text: str) -> bool:
     for clause in re.split(r"[.;\n,](?:\s|$)", _KERNEL_PATH.sub(" ", text)):
         if _TERMINAL.search(clause) and _TOUCHED.search(clause) and not _DENIAL.search(clause):
             return True
@@ -232,12 +234,12 @@ def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hi
                 words.search(each) and not _DENIAL.search(each) for each in clauses
             ):
                 where = pointer("scan_methods", index, member)
-                out.append(error(code, f"{rule}: {shown(scan[member])}", pointer=where, hint=hint))
+                out.append(error(code, f"{rule}: {display(scan[member])}", pointer=where, hint=hint))
     return out
 
 
 def _touched(text: str, where: str) -> Diagnostic:
-    summary = f"PROBE may not open a terminal line: {shown(text)}"
+    summary = f"PROBE may not open a terminal line: {display(text)}"
     hint = "read what the kernel already shows about the line and leave the line itself closed"
     return error("PROBE-TTY-OPENED", summary, pointer=where, hint=hint)
 
@@ -284,8 +286,8 @@ def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         text = str(device.get(found["member"], "")).splitlines() or [""]
         line = text[min(found["line"], len(text)) - 1]
         place = f"line {found['line']} of {found['member']}" if len(text) > 1 else found["member"]
-        words = ", ".join(shown(word) for word in found["words"][:8])
-        summary = f"{place} of {shown(device['id'])} is {shown(line)}; the system does not show of it: {words}"
+        words = ", ".join(display(word) for word in found["words"][:8])
+        summary = f"{place} of {display(device['id'])} is {display(line)}; the system does not show of it: {words}"
         where = pointer("devices", index, found["member"])
         out.append(error("PROBE-TEXT-NOT-OF-HOST", summary, pointer=where, hint=_COPY))
     return out
@@ -298,8 +300,8 @@ def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
         names = {word for text in _strings(device) for word in _words(text)}
         lost = [word for word in _words(true["name"]) if word not in names and len(word) > 1]
         if lost and not set(_words(true["interface"])) >= set(lost) and set(lost) != {"device"}:
-            summary = f"the text of {shown(device['id'])} has nothing of {', '.join(map(shown, lost[:6]))}"
-            hint = f"copy the system's own strings: it is called {shown(true['name'])} there"
+            summary = f"the text of {display(device['id'])} has nothing of {', '.join(map(display, lost[:6]))}"
+            hint = f"copy the system's own strings: it is called {display(true['name'])} there"
             where = pointer("devices", index, "raw_descriptor")
             out.append(error("PROBE-TEXT-MISSING", summary, pointer=where, hint=hint))
     return out
@@ -320,7 +322,7 @@ def instance_in_text(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
                 if mark is None and len(port) > 2 and _PLACE_KEY.match(line) and re.search(_whole(port), line):
                     mark = port
                 if mark is not None:
-                    summary = f"{shown(line)} shows where this copy of {shown(device['id'])} is: {shown(mark)}"
+                    summary = f"{display(line)} shows where this copy of {display(device['id'])} is: {display(mark)}"
                     where = pointer("devices", index, member)
                     out.append(error("PROBE-INSTANCE-IN-TEXT", summary, pointer=where, hint=_ALONE))
     return out

@@ -9,13 +9,13 @@ stated to read there speaks of nothing that moves and takes nothing that a devic
 import re
 from collections.abc import Iterator
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
-from octoform.contracts.name_clues import changes, is_class_word, is_passthrough, offers_a_pipe, says_nothing
-from octoform.contracts.name_words import parts, said, says_language, words
+from octoform.contracts.name_clues import changes, is_class_word, is_filler, is_passthrough, offers_a_pipe
+from octoform.contracts.name_words import names_language, parts, word_set, words
 from octoform.diagnostics import Diagnostic, error
 
 CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"
@@ -41,7 +41,8 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
     return [
         error(
             CODE,
-            f"{shown(capability['name'])} acts on {shown(device['id'])} through a raw line, and no profile defines how",
+            f"{display(capability['name'])} acts on {display(device['id'])} through a raw line, "
+            "and no profile defines how",
             pointer=pointer("devices", index, "capabilities", at),
             hint=f"leave it out; {cure(device['id'], artifacts)}; it gives limits and how to stop",
         )
@@ -58,11 +59,11 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, at, device, capability in _reading(value, artifacts):
         if device["id"] in artifacts.offered and not _only_listens(capability):
             continue  # one finding, and the graver one
-        if _is_told(capability):
+        if _is_refused_elsewhere(capability):
             continue  # another rule's finding, wherever the device is
         if found := _capability_moves(capability):
             member, why = found
-            summary = f"{shown(capability['name'])} of {shown(device['id'])} is declared read, and {why}"
+            summary = f"{display(capability['name'])} of {display(device['id'])} is declared read, and {why}"
             where = pointer("devices", index, "capabilities", at, member)
             hint = f"omit it, or describe what it reads; {cure(device['id'], artifacts)}"
             out.append(error(READ, summary, pointer=where, hint=hint))
@@ -74,11 +75,11 @@ def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, at, device, capability in _reading(value, artifacts):
-        if device["id"] in artifacts.offered or _only_listens(capability) or _is_told(capability):
+        if device["id"] in artifacts.offered or _only_listens(capability) or _is_refused_elsewhere(capability):
             continue
-        if _capability_moves(capability) or _says_what_it_gives(device, capability, probed[device["id"]], artifacts):
+        if _capability_moves(capability) or _names_its_quantity(device, capability, probed[device["id"]], artifacts):
             continue
-        summary = f"no string of {shown(device['id'])} shows what {shown(capability['name'])} would read"
+        summary = f"no string of {display(device['id'])} shows what {display(capability['name'])} would read"
         where = pointer("devices", index, "capabilities", at)
         hint = "a board or an adapter is a part: write category unknown, confidence 0.0, no capabilities, and in "
         hint += (
@@ -93,7 +94,8 @@ def profile_not_chosen(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return [
         error(
             OFFERED,
-            f"{shown(capability['name'])} talks to {shown(device['id'])}, and the profile that knows it is not chosen",
+            f"{display(capability['name'])} talks to {display(device['id'])}, "
+            "and the profile that knows it is not chosen",
             pointer=pointer("devices", index, "capabilities", at),
             hint=f"leave it out; {cure(device['id'], artifacts)}",
         )
@@ -110,9 +112,9 @@ def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] != "read" or not known:
             continue
         found = _tool_moves(tool)
-        if found is not None and not _is_told(tool):
+        if found is not None and not _is_refused_elsewhere(tool):
             where, why = found
-            summary = f"{shown(tool['name'])} is declared read on {shown(known[0])}, and {why}"
+            summary = f"{display(tool['name'])} is declared read on {display(known[0])}, and {why}"
             hint = "describe what it reads and let parameters only select it, or skip the capability as `unsafe`; "
             out.append(
                 error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint + cure(known[0], artifacts))
@@ -131,7 +133,7 @@ def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             name = limit["parameter"]
             if profiled.isdisjoint(tool["devices"]) and is_quantity(name):
                 summary = (
-                    f"{shown(tool['name'])} is declared read, and {shown(name)}, which it limits, is for the device"
+                    f"{display(tool['name'])} is declared read, and {display(name)}, which it limits, is for the device"
                 )
                 acts = "skip a capability that acts as `unsafe`"
                 acts = (
@@ -158,17 +160,17 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if item["reason"] != "unsafe" or name in open_lines:
             continue
         if name in held:
-            why = f"the profile {shown(held[name])} defines how it is driven"
+            why = f"the profile {display(held[name])} defines how it is driven"
             hint = f"add {'a tool for each command of its protocol definition' if name in commanded else 'its tools'}"
             hint += "; its limits bind every call, and what no one is to call is denied in the `policy` of octopus.yaml"
         elif name in artifacts.answers:
-            why = f"its owner answered what it is: {shown(artifacts.answers[name])}"
+            why = f"its owner answered what it is: {display(artifacts.answers[name])}"
             hint = "add its tools, with limits; what no one is to call is denied in the `policy` of octopus.yaml"
         else:
             why = "it is reached by an interface of the system and not by a raw line alone"
             hint = "add its tools, each with the effect that it has, or give the reason that is true of it"
-        summary = f"{shown(item.get('capability', name))} is skipped as unsafe"
-        summary += f" on {shown(name)}, and {why}" if "capability" in item else f", and {why}"
+        summary = f"{display(item.get('capability', name))} is skipped as unsafe"
+        summary += f" on {display(name)}, and {why}" if "capability" in item else f", and {why}"
         out.append(error(UNSAFE, summary, pointer=pointer("left_out", index, "reason"), hint=hint))
     return out
 
@@ -236,24 +238,24 @@ def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int
                     yield index, at, device, capability
 
 
-def _is_told(value: JsonObject) -> bool:
+def _is_refused_elsewhere(value: JsonObject) -> bool:
     """Whether a capability or a tool is refused wherever its device is, as a raw pipe or for an effect understated."""
     name, description = value["name"], value["description"].partition("Through:")[0]
     return bool(is_passthrough(name) or offers_a_pipe(description) or changes(name, description))
 
 
-def _says_what_it_gives(device: JsonObject, capability: JsonObject, entry: JsonObject, artifacts: Artifacts) -> bool:
+def _names_its_quantity(device: JsonObject, capability: JsonObject, entry: JsonObject, artifacts: Artifacts) -> bool:
     """Whether a string of the device, or a database's entry for it, holds a word for what it measures or is."""
     raw = str(entry.get("raw_descriptor", ""))
     lines = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
-    own = said(lines) - said(_MAKER.findall(raw))
-    own = frozenset(word for word in own | parts(own) if not says_nothing(word))
+    own = word_set(lines) - word_set(_MAKER.findall(raw))
+    own = frozenset(word for word in own | parts(own) if not is_filler(word))
     if any(is_class_word(word) for word in own) or any(
-        says_language(each.get("says", "")) for each in device["evidence"]
+        names_language(each.get("says", "")) for each in device["evidence"]
     ):
         return True
     kinds = words(device.get("class", "").replace("_", " ")) + spoken(capability["name"])[1:]
-    return not own.isdisjoint(said(kinds))
+    return not own.isdisjoint(word_set(kinds))
 
 
 def _only_listens(capability: JsonObject) -> bool:
@@ -263,26 +265,26 @@ def _only_listens(capability: JsonObject) -> bool:
 def _capability_moves(capability: JsonObject) -> tuple[str, str] | None:
     """(member, why) of what speaks of a movement in a capability."""
     if word := name_moves(capability["name"]):
-        return "name", f"{shown(word)} is no reading"
+        return "name", f"{display(word)} is no reading"
     if words := speaks_of_change(capability["description"]):
-        return "description", f"its description has {shown(words)}"
+        return "description", f"its description has {display(words)}"
     for name, fact in capability.get("parameters", {}).items():
         if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(fact))), None):
-            return "parameters", f"its parameter {shown(name)} has {shown(words)}"
+            return "parameters", f"its parameter {display(name)} has {display(words)}"
     return None
 
 
 def _tool_moves(tool: JsonObject) -> tuple[tuple[str, ...], str] | None:
     if word := name_moves(tool["name"]):
-        return ("name",), f"{shown(word)} is no reading"
+        return ("name",), f"{display(word)} is no reading"
     if words := speaks_of_change(tool["description"]):
-        return ("description",), f"its description has {shown(words)}"
+        return ("description",), f"its description has {display(words)}"
     for name, member in tool["input_schema"].get("properties", {}).items():
         if isinstance(member, dict) and (why := carries(name, member, tool["devices"])):
-            return ("input_schema", "properties", name), f"of its parameter {shown(name)}, {why}"
+            return ("input_schema", "properties", name), f"of its parameter {display(name)}, {why}"
     for name, member in tool.get("output_schema", {}).get("properties", {}).items():
         if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(member))), None):
-            return ("output_schema", "properties", name), f"its result {shown(name)} has {shown(words)}"
+            return ("output_schema", "properties", name), f"its result {display(name)} has {display(words)}"
     return None
 
 

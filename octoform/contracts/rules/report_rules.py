@@ -8,7 +8,7 @@ import re
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.conditions import holds, untestable
 from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
@@ -75,7 +75,7 @@ def unknown_reading(code: str) -> RuleCheck:
                 if identity not in known:
                     near = did_you_mean(identity, known)
                     hint = f"did you mean {near}?" if near else "cite ids of readings and failures of input.json"
-                    summary = f"there is no reading or failure {shown(identity)}"
+                    summary = f"there is no reading or failure {display(identity)}"
                     found.append(error(code, summary, pointer=f"{where}{pointer('cites', index)}", hint=hint))
         return found
 
@@ -103,23 +103,23 @@ def _misnamed(item: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str
     name, device = item["tool"], item["device"]
     tools, devices = known_tools(artifacts), known_devices(artifacts)
     if name is not None and name not in tools:
-        yield f"there is no tool {shown(name)}", "tool", _near(name, tools)
+        yield f"there is no tool {display(name)}", "tool", _near(name, tools)
     elif device is not None and device not in devices:
-        yield f"there is no device {shown(device)}", "device", _near(device, devices)
+        yield f"there is no device {display(device)}", "device", _near(device, devices)
     elif name is not None and device is not None and name not in _names(tools_of(artifacts, device)):
         hint = f"its tools are {listed(_names(tools_of(artifacts, device)))}"
-        yield f"the tool {shown(name)} does not serve {shown(device)}", "device", hint
+        yield f"the tool {display(name)} does not serve {display(device)}", "device", hint
 
 
 def _no_target(text: str, artifacts: Artifacts) -> Iterator[tuple[str, str]]:
     target = Target.of(text)
     tools, devices = known_tools(artifacts), known_devices(artifacts)
     if target.tool is not None and target.tool not in tools:
-        yield f"there is no tool {shown(target.tool)}", _near(target.tool, tools)
+        yield f"there is no tool {display(target.tool)}", _near(target.tool, tools)
     elif target.device is not None and target.device not in devices:
-        yield f"there is no device {shown(target.device)}", _near(target.device, devices)
+        yield f"there is no device {display(target.device)}", _near(target.device, devices)
     elif target.unit is not None and target.unit not in (known := units_of(target.device or "", artifacts)):
-        yield f"{shown(target.device)} has no unit {shown(target.unit)}", _near(target.unit, known)
+        yield f"{display(target.device)} has no unit {display(target.unit)}", _near(target.unit, known)
 
 
 def units_of(device: str, artifacts: Artifacts) -> list[str]:
@@ -147,7 +147,7 @@ def cites_elsewhere(code: str) -> RuleCheck:
         for index, item in enumerate(value["errors"]):
             wanted = concerned(item["tool"], item["device"], artifacts)
             if wanted and not any(source_of(one, artifacts) in wanted for one in item["cites"]):
-                summary = f"nothing that is cited is about {shown(item['tool'] or item['device'])}"
+                summary = f"nothing that is cited is about {display(item['tool'] or item['device'])}"
                 hint = "cite a reading or a failure of that tool or device, or name what your evidence is about"
                 found.append(error(code, summary, pointer=pointer("errors", index, "cites"), hint=hint))
         return found
@@ -197,11 +197,11 @@ def orders(code: str) -> RuleCheck:
 
     def check(value: Any, _: Artifacts) -> Found:
         found = []
-        for where, text in _told(value, ""):
+        for where, text in _prose(value, ""):
             hit = _ORDERS.search(text)
             if hit is not None:
                 hint = "describe what is wrong and what would be right; name no command and no address"
-                summary = f"the report hands on {shown(hit.group(), 40)}"
+                summary = f"the report hands on {display(hit.group(), 40)}"
                 found.append(error(code, summary, pointer=where, hint=hint))
         return found
 
@@ -221,22 +221,30 @@ def foreign_restriction(item: JsonObject, target: Target, artifacts: Artifacts) 
     """Why a restriction concerns more than the claim's target: summary, member, hint; None when it does not."""
     held = tool(artifacts, item["tool"])
     if held is None:
-        return f"there is no tool {shown(item['tool'])}", "tool", _near(item["tool"], known_tools(artifacts))
+        return f"there is no tool {display(item['tool'])}", "tool", _near(item["tool"], known_tools(artifacts))
     given, known = item["arguments"], properties(held)
     strange = next((name for name in given if name not in known), None)
     if strange is not None:
-        return f"{shown(item['tool'])} has no parameter {shown(strange)}", "arguments", _near(strange, list(known))
+        return f"{display(item['tool'])} has no parameter {display(strange)}", "arguments", _near(strange, list(known))
     if target.tool is not None and target.tool != item["tool"]:
-        return f"the claim is about {shown(target.tool)}, and restricts {shown(item['tool'])}", "tool", "leave it out"
+        return (
+            f"the claim is about {display(target.tool)}, and restricts {display(item['tool'])}",
+            "tool",
+            "leave it out",
+        )
     if target.device is None:
         return None if target.tool else ("a claim about the endpoint restricts no tool", "tool", "leave it out")
     if target.device not in held["devices"]:
-        return f"{shown(item['tool'])} does not serve {shown(target.device)}", "tool", "restrict a tool of that device"
+        return (
+            f"{display(item['tool'])} does not serve {display(target.device)}",
+            "tool",
+            "restrict a tool of that device",
+        )
     for name, schema in known.items():
         choices = schema.get("enum") if isinstance(schema, dict) else None
         for part in (target.device if len(held["devices"]) > 1 else None, target.unit):
             if part is not None and part in (choices or ()) and given.get(name) != part:
-                summary = f"{shown(item['tool'])} is restricted for more than {shown(part)}"
+                summary = f"{display(item['tool'])} is restricted for more than {display(part)}"
                 return summary, "arguments", f"add {name}: {part}"
     return None
 
@@ -250,17 +258,17 @@ def _names(tools: list[JsonObject]) -> list[str]:
     return [item["name"] for item in tools]
 
 
-def _told(value: Any, where: str) -> Iterator[tuple[str, str]]:
+def _prose(value: Any, where: str) -> Iterator[tuple[str, str]]:
     """(pointer, text) of every member that is prose."""
     if isinstance(value, dict):
         for name, item in value.items():
             place = where + pointer(name)
             if name in _WORDS and isinstance(item, str):
                 yield place, item
-            yield from _told(item, place)
+            yield from _prose(item, place)
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from _told(item, where + pointer(index))
+            yield from _prose(item, where + pointer(index))
 
 
 # Rules for what a report claims: a condition that readings bear out now, and that the next one can refute.
@@ -297,7 +305,7 @@ def _other_signal(code: str) -> RuleCheck:
                 known = row is not None or facts.failure(identity) is not None
                 if not known or (row is not None and place_of(row) == place_of(claim["signal"])):
                     continue  # an unknown one is told by a rule of its own
-                summary = f"{shown(identity)} is no reading of {_signal(claim)}"
+                summary = f"{display(identity)} is no reading of {_signal(claim)}"
                 hint = "cite readings of the claim's own signal, spelt as they have it"
                 found.append(error(code, summary, pointer=where + pointer("cites", index), hint=hint))
         return found
@@ -315,7 +323,7 @@ def _elsewhere(code: str) -> RuleCheck:
             fit = source in sources_of(target, artifacts)
             if fit and (target.unit is None or target.unit in path.split("/")):
                 continue
-            summary = f"{_signal(claim)} is no signal of {shown(claim['target'])}"
+            summary = f"{_signal(claim)} is no signal of {display(claim['target'])}"
             hint = "claim only of that whose signal you read" if fit else "name the tool or the device that it is of"
             found.append(error(code, summary, pointer=where + "/signal", hint=hint))
         return found
@@ -350,8 +358,8 @@ def _not_supported(code: str) -> RuleCheck:
                 row = facts.reading(identity)
                 if row is None or _true(claim, row["value"]) is True:
                     continue
-                read = "could not be read" if row["value"] is None else f"is {shown(row['value'])}"
-                summary = f"{_words(claim)} does not hold at {shown(identity)}, which {read}"
+                read = "could not be read" if row["value"] is None else f"is {display(row['value'])}"
+                summary = f"{_words(claim)} does not hold at {display(identity)}, which {read}"
                 hint = "cite readings at which it holds; absence is unknown, and nothing is claimed on it"
                 found.append(error(code, summary, pointer=where + pointer("cites", index), hint=hint))
         return found
@@ -367,7 +375,7 @@ def _outranked(code: str) -> RuleCheck:
         for where, claim in _claims(value):
             newest = facts.newest_value(place_of(claim["signal"]))
             if _true(claim, newest) is False:
-                summary = f"the newest reading of {_signal(claim)} is {shown(newest)}, so {_words(claim)} is over"
+                summary = f"the newest reading of {_signal(claim)} is {display(newest)}, so {_words(claim)} is over"
                 hint = "leave the claim out: what is measured now outranks what was measured before"
                 found.append(error(code, summary, pointer=where + "/condition", hint=hint))
         return found
@@ -384,7 +392,7 @@ def _restricts_reading(code: str) -> RuleCheck:
             held = tool(artifacts, item["tool"])
             if held is not None and (held["effect"] == "read" or held.get("stops", False)):
                 does = "stops" if held.get("stops", False) else "reads"
-                summary = f"{shown(item['tool'])} {does}, and is never restricted"
+                summary = f"{display(item['tool'])} {does}, and is never restricted"
                 found.append(error(code, summary, pointer=where + "/tool", hint="restrict only what actuates"))
         return found
 
@@ -422,7 +430,7 @@ def _true(claim: JsonObject, value: object) -> bool | None:
 
 
 def _words(claim: JsonObject) -> str:
-    return f"{claim['condition']['op']} {shown(claim['condition']['value'], 40)}"
+    return f"{claim['condition']['op']} {display(claim['condition']['value'], 40)}"
 
 
 def _signal(claim: JsonObject) -> str:

@@ -7,7 +7,7 @@ that the step is for; and a unit that is omitted without a reason would be taken
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, StepFacts
 from octoform.contracts.name_clues import same_action
@@ -88,7 +88,7 @@ def name_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     name = _facts(artifacts).name
     if value["step"] == name:
         return []
-    summary = f"the step is called {shown(name)}, not {shown(value['step'])}"
+    summary = f"the step is called {display(name)}, not {display(value['step'])}"
     return [error("STEP-NAME-DIFFERS", summary, pointer="/step", hint=f"write {name}")]
 
 
@@ -107,7 +107,7 @@ def device_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         allowed, hint = device in known, f"did you mean {near}?" if near else "name a device of IDENTIFY"
     if allowed:
         return []
-    summary = f"the step {facts.name} is not for the device {shown(device)}"
+    summary = f"the step {facts.name} is not for the device {display(device)}"
     return [error("STEP-DEVICE-DIFFERS", summary, pointer="/device", hint=hint)]
 
 
@@ -147,10 +147,10 @@ def foreign_tool(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if problem is not None:
             near = did_you_mean(call["tool"], own) if item is None else None
             hint = f"did you mean {near}?" if near else problem[1]
-            summary = f"the tool {shown(call['tool'])} {problem[0]}"
+            summary = f"the tool {display(call['tool'])} {problem[0]}"
             found.append(error("STEP-FOREIGN-TOOL", summary, pointer=f"{where}/tool", hint=hint))
         elif part != "view" and call["arguments"].get("device", mine := _mine(value, part)) != mine:
-            summary = f"the call of {shown(call['tool'])} is for {shown(call['arguments']['device'])}"
+            summary = f"the call of {display(call['tool'])} is for {display(call['arguments']['device'])}"
             where = f"{where}/arguments/device"
             found.append(error("STEP-FOREIGN-TOOL", summary, pointer=where, hint=f"this is about {mine}"))
     return found
@@ -195,7 +195,7 @@ def _varied(item: JsonObject, name: str, part: str, where: str) -> Iterator[Diag
     if name not in fit:
         kind = "boolean or numeric" if part == "set" else "numeric"
         hint = f"its {kind} parameters are {listed(fit)}" if fit else "choose another tool"
-        summary = f"{shown(name)} is no {kind} parameter of {shown(item['name'])}"
+        summary = f"{display(name)} is no {kind} parameter of {display(item['name'])}"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
 
 
@@ -204,13 +204,13 @@ def _arguments(item: JsonObject, given: dict[str, Any], varied: list[str], where
     for name in (name for name in given if name not in known or name in varied):
         near = did_you_mean(name, known)
         hint = f"did you mean {near}?" if near else f"its parameters are {listed(known)}"
-        summary = f"{shown(item['name'])} has no parameter {shown(name)}"
+        summary = f"{display(item['name'])} has no parameter {display(name)}"
         if name in varied:
-            summary, hint = f"{shown(name)} is varied, and is among the arguments too", "take it out of them"
+            summary, hint = f"{display(name)} is varied, and is among the arguments too", "take it out of them"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
     absent = [name for name in item["input_schema"].get("required", ()) if name not in given and name not in varied]
     if absent:
-        summary = f"{shown(item['name'])} needs {listed(absent)}"
+        summary = f"{display(item['name'])} needs {listed(absent)}"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint="give every required parameter")
 
 
@@ -222,7 +222,7 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     }
     named = [item["unit"] for item in (*value["trials"], *value["skipped"])]
     found = [
-        (f"the unit {shown(unit)} is there twice", where[index], "test each unit once")
+        (f"the unit {display(unit)} is there twice", where[index], "test each unit once")
         for index, unit in enumerate(named)
         if unit in named[:index]
     ]
@@ -237,15 +237,15 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [error("STEP-UNCOVERED-UNIT", summary, pointer=place, hint=hint) for summary, place, hint in found]
 
 
-def _misnamed(trial: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
+def _misnamed(test: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
     """A test that says one unit and moves or reads another proves nothing."""
-    for place, part, call in _calls_of(trial):
+    for place, part, call in _calls_of(test):
         arguments = call["arguments"] if part != "view" else {}
         for parameter in offered:
-            if parameter in arguments and arguments[parameter] != trial["unit"]:
-                other = shown(arguments[parameter])
-                summary = f"the hardware test of {shown(trial['unit'])} has the {parameter} {other} in its {part}"
-                yield summary, f"{where}{place}/arguments/{parameter}", f"write {trial['unit']}"
+            if parameter in arguments and arguments[parameter] != test["unit"]:
+                other = display(arguments[parameter])
+                summary = f"the hardware test of {display(test['unit'])} has the {parameter} {other} in its {part}"
+                yield summary, f"{where}{place}/arguments/{parameter}", f"write {test['unit']}"
 
 
 def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -255,15 +255,15 @@ def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     for index, item in enumerate(value["skipped"]):
         where = pointer("skipped", index)
         if item["unit"] not in disabled:
-            summary = f"the unit {shown(item['unit'])} is skipped, and the profile does not disable it"
+            summary = f"the unit {display(item['unit'])} is skipped, and the profile does not disable it"
             hint = "test it; its owner disables a broken one in the profile's rig"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/unit", hint=hint))
         if not item["reason"].strip():
-            summary = f"the unit {shown(item['unit'])} is skipped without a reason"
+            summary = f"the unit {display(item['unit'])} is skipped without a reason"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/reason", hint="give the profile's"))
     for index, trial in enumerate(value["trials"]):
         if trial["unit"] in disabled:
-            summary = f"the unit {shown(trial['unit'])} is tried, and the profile disables it"
+            summary = f"the unit {display(trial['unit'])} is tried, and the profile disables it"
             where, hint = pointer("trials", index, "unit"), "skip it with the reason that the profile gives"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=where, hint=hint))
     return found
@@ -275,7 +275,7 @@ def too_small(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "STEP-TOO-SMALL",
-            f"{shown(trial['unit'])} is to move by {trial['move']['by']}, and the test requires {facts.minimum:g}",
+            f"{display(trial['unit'])} is to move by {trial['move']['by']}, and the test requires {facts.minimum:g}",
             pointer=pointer("trials", index, "move", "by"),
             hint=f"move by more than {facts.minimum:g}, far enough to be distinguished from a jitter",
         )
@@ -292,17 +292,17 @@ def wrong_camera(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     known = {item["device"]: item for item in facts.cameras}
     chosen = known.get(camera["device"])
     if chosen is None:
-        summary = f"{shown(camera['device'])} is no camera of this host"
+        summary = f"{display(camera['device'])} is no camera of this host"
         return [
             _camera(summary, "/camera/device", f"the cameras are {listed(list(known))}" if known else "there is none")
         ]
     if camera["tool"] != chosen["tool"]:
-        summary = f"the camera {shown(camera['device'])} has the tool {shown(chosen['tool'])}"
+        summary = f"the camera {display(camera['device'])} has the tool {display(chosen['tool'])}"
         return [_camera(summary, "/camera/tool", f"write {chosen['tool']}")]
     best = known.get(facts.best or "")
     if best is None or _rank(chosen) <= _rank(best):
         return []
-    summary = f"the camera {shown(camera['device'])} {_weakness(chosen, best)}"
+    summary = f"the camera {display(camera['device'])} {_weakness(chosen, best)}"
     return [_camera(summary, "/camera/device", f"choose {best['device']}")]
 
 
@@ -351,10 +351,10 @@ def _calls(value: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
         yield "/camera", "camera", value["camera"]
 
 
-def _calls_of(trial: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
+def _calls_of(test: JsonObject) -> Iterator[tuple[str, str, JsonObject]]:
     """The same of one test; the pointer begins at the test."""
     for part in _CALLS:
-        if trial[part] is not None:
-            yield pointer(part), part, trial[part]
-    for part, call in (trial.get("restore") or {}).items():
+        if test[part] is not None:
+            yield pointer(part), part, test[part]
+    for part, call in (test.get("restore") or {}).items():
         yield pointer("restore", part), part, call

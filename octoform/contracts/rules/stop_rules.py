@@ -4,7 +4,7 @@ A call of such a tool passes those that wait for the device, so the mark belongs
 Where a profile has a grammar, that alone says which command stops, and the rules of grammars tell who strays from it.
 """
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described
 from octoform.diagnostics import Diagnostic, error
@@ -23,9 +23,9 @@ def identify_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             if name in commanded.get(device["id"], {}):
                 continue
             if stops and capability["effect"] != _ACTUATE:
-                summary, hint = f"{shown(name)} stops and is {capability['effect']}", "what ends a movement actuates"
+                summary, hint = f"{display(name)} stops and is {capability['effect']}", "what ends a movement actuates"
             elif first.setdefault(name, stops) is not stops:
-                summary = f"{shown(name)} stops on one device and not on another"
+                summary = f"{display(name)} stops on one device and not on another"
                 hint = "give capabilities that do different things different names"
             else:
                 continue
@@ -52,10 +52,10 @@ def interface_stops(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         others = sorted(set(properties if isinstance(properties, dict) else ()) - {"device"})
         if stops is not wanted:
             word = "true" if wanted else "false"
-            summary = f"{shown(tool['name'])} and its capability differ in `stops`"
+            summary = f"{display(tool['name'])} and its capability differ in `stops`"
             where, hint = pointer("tools", index), f'write "stops": {word}'
         elif stops and others:
-            summary = f"{shown(tool['name'])} stops, and takes the parameter {shown(others[0])}"
+            summary = f"{display(tool['name'])} stops, and takes the parameter {display(others[0])}"
             where = pointer("tools", index, "input_schema", "properties", others[0])
             hint = "a tool that stops takes no parameter but `device`"
         else:

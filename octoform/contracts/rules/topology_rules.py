@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, warning
@@ -26,7 +26,7 @@ def shared_hub(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     found = []
     for index, camera in enumerate(value["devices"]):
         for other, hub in sharing(camera["id"], value["devices"], probed) if _is_camera(camera) else ():
-            summary = f"the camera {shown(camera['id'])} and {shown(other)} hang on the same hub, {shown(hub)}"
+            summary = f"the camera {display(camera['id'])} and {display(other)} hang on the same hub, {display(hub)}"
             hint = "plug one of the two into another port of the machine; a busy or failing hub takes both away"
             where = pointer("devices", index)
             found.append(warning("IDENTIFY-SHARED-HUB", summary, pointer=where, hint=hint))

@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.conditions import holds
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -68,7 +68,7 @@ def _uncovered(facts: DutyFacts) -> Iterator[tuple[str, str]]:
             continue
         read = facts.newest_value(place_of(signal))
         if holds(str(condition.get("op")), condition.get("value"), read) is not False:
-            summary = f"no reading refutes the claim {shown(claim.get('id', ''))}"
+            summary = f"no reading refutes the claim {display(claim.get('id', ''))}"
             yield summary, "write degraded: it is still in force"
 
 
@@ -91,11 +91,11 @@ def _unproved(item: JsonObject, facts: DutyFacts) -> tuple[str, str] | None:
     if kind == "device_moved" and device is None:
         return "no device is named that moved", "name it, or take another class"
     if kind == "device_moved" and there is False:
-        return f"{shown(device)} is not attached, so it did not move", "write none: only a person can plug it in"
+        return f"{display(device)} is not attached, so it did not move", "write none: only a person can plug it in"
     if kind == "broken_tool" and item["tool"] is None and device is None:
         return "no tool or device is named whose code is wrong", "name the tool, or the device whose tools share it"
     if kind == "broken_tool" and there is False:
-        return f"{shown(device)} is not attached, so its tool's code is not shown to be wrong", "write none"
+        return f"{display(device)} is not attached, so its tool's code is not shown to be wrong", "write none"
     if kind == "broken_tool" and not any(row["id"] in item["cites"] for row in _of_tool(item, facts)):
         return "nothing that is cited came from a tool", "cite a failure or a reading of the tool whose code is wrong"
     return None
@@ -122,7 +122,7 @@ def failure_passed_over(value: JsonObject, artifacts: Artifacts) -> Found:
     return [
         error(
             "WATCH-FAILURE-PASSED-OVER",
-            f"no error cites {shown(row['id'])}, a failure of {shown(row['tool'])} that nothing shows to be over",
+            f"no error cites {display(row['id'])}, a failure of {display(row['tool'])} that nothing shows to be over",
             pointer="/errors",
             hint="cite it in an error; where no one knows why it failed, the class is none",
         )
@@ -152,7 +152,7 @@ def declaration_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
             hint = "cite the newest readings, or remove the permanent restriction"
             found.append(error("WATCH-DECLARATION-UNPROVED", summary, pointer=where, hint=hint))
         elif not any(about(identity, Target.of(item["target"]), artifacts) for identity in item["cites"]):
-            summary = f"nothing that is cited is about {shown(item['target'])}"
+            summary = f"nothing that is cited is about {display(item['target'])}"
             hint = "cite readings of the very thing that you declare"
             found.append(error("WATCH-DECLARATION-UNPROVED", summary, pointer=where, hint=hint))
     return found
@@ -184,7 +184,7 @@ def _on_frames(value: JsonObject, facts: DutyFacts) -> Iterator[tuple[str, str, 
         for identity in cites:
             row = facts.reading(identity)
             if row is not None and row["channel"] == FRAME and row["value"] is not None:
-                summary = f"it is not available, and {shown(identity)} is cited, which comes from a frame"
+                summary = f"it is not available, and {display(identity)} is cited, which comes from a frame"
                 yield summary, f"{where}/cites", "leave out what rests on frames"
 
 

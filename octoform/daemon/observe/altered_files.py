@@ -28,7 +28,7 @@ _MOST_FILES = 5000
 
 
 @dataclass(frozen=True, slots=True)
-class Stands:
+class IntegrityReport:
     """``endpoint`` and ``environment`` are plain reasons; ``damaged`` paths below the project with what is wrong."""
 
     endpoint: tuple[str, ...] = ()
@@ -42,11 +42,11 @@ class Standing:
     def __init__(self, layout: Layout) -> None:
         self._layout = layout
         self._signature: object = None
-        self._last = Stands()
+        self._last = IntegrityReport()
         self.hashed = 0
         """How often files were read and not only looked at."""
 
-    def __call__(self) -> Stands:
+    def __call__(self) -> IntegrityReport:
         """How it stands now."""
         manifest = read_manifest(self._layout)
         signature = (self._signed(manifest), None if manifest is None else digest.of_value(manifest))
@@ -56,11 +56,11 @@ class Standing:
             self.hashed += 1
         return self._last
 
-    def _compared(self, manifest: Mapping[str, Any] | None) -> Stands:
+    def _compared(self, manifest: Mapping[str, Any] | None) -> IntegrityReport:
         environment = _environment(manifest)
         reasons = observe(self._layout).reasons if manifest is not None else ()
         endpoint = [each for each in reasons if each != _NOT_RUNNING and each not in environment]
-        return Stands(tuple(endpoint), environment, dict(damaged(self._layout)))
+        return IntegrityReport(tuple(endpoint), environment, dict(damaged(self._layout)))
 
     def _signed(self, manifest: Mapping[str, Any] | None) -> tuple[object, ...]:
         layout = self._layout

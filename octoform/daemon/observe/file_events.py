@@ -198,7 +198,7 @@ class Unwatched:
     def close(self) -> None:
         """There is nothing to let go of."""
 
-    def told(self) -> Diagnostic | None:
+    def diagnostic(self) -> Diagnostic | None:
         """What a person is notified of it; None where every folder is watched."""
         if not self.folders:
             return None

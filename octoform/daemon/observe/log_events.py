@@ -164,11 +164,11 @@ class Hearing:
         """Where the next look begins, as JSON."""
         return {"calls": self._calls.place, "server": self._server.place}
 
-    def __call__(self, *, anew: bool = True) -> Heard:
-        """What is new; without ``anew`` only what is overdue, and no file is read."""
+    def __call__(self, *, again: bool = True) -> Heard:
+        """What is new; without ``again`` only what is overdue, and no file is read."""
         failures: list[LoggedCall] = []
         worked: dict[str, None] = {}
-        for entry in objects(self._calls.lines()) if anew else ():
+        for entry in objects(self._calls.lines()) if again else ():
             call = self._ended(entry)
             if call is not None and call.ok:
                 worked[call.tool] = None
@@ -176,7 +176,7 @@ class Hearing:
             elif call is not None:
                 failures.append(call)
         failures += self._overdue()
-        printed = [_shown(line) for line in self._server.lines() if not _ACCESS.search(line)] if anew else []
+        printed = [_display(line) for line in self._server.lines() if not _ACCESS.search(line)] if again else []
         return Heard(tuple(failures[-MOST_CALLS:]), tuple(worked), tuple(printed[-MOST_LINES:]))
 
     def successes(self) -> Heard:
@@ -195,7 +195,7 @@ class Hearing:
 
     def _ended(self, entry: Mapping[str, Any]) -> LoggedCall | None:
         """The call that a line ends; None for every other line."""
-        identity, tool = str(entry.get("id")), _shown(str(entry.get("tool")))
+        identity, tool = str(entry.get("id")), _display(str(entry.get("tool")))
         if entry.get("event") == "call":
             if len(self._under_way) < MOST_UNDER_WAY:
                 self._under_way[identity] = (tool, self._uptime())
@@ -230,13 +230,13 @@ class Hearing:
 
 
 def _text(value: object) -> str | None:
-    return None if value is None else _shown(str(value))
+    return None if value is None else _display(str(value))
 
 
 def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def _shown(text: str) -> str:
+def _display(text: str) -> str:
     cut = text if len(text) <= TEXT_CHARS else f"{text[:TEXT_CHARS]}..."
     return escaped(cut)

@@ -19,7 +19,7 @@ from octoform.daemon.observe.presence import Presence
 from octoform.daemon.observe.process import Answering
 from octoform.endpoint.expected_tools import published
 from octoform.endpoint.process import record
-from octoform.endpoint.process.estop import is_latched
+from octoform.endpoint.process.estop import is_engaged
 from octoform.endpoint.process.record import Running, running
 from octoform.endpoint.published_files import read_manifest
 from octoform.manifest.model import FILE_NAME
@@ -84,7 +84,7 @@ class Looker:
             busy=holder,
             stopped_by=stop.by if (stop := record.read(layout)) is not None else None,
             process=process,
-            latched=is_latched(layout),
+            latched=is_engaged(layout),
             unproved=_unproved(layout) if causes & STANDING else before.unproved,
             offered=frozenset(published(layout)) if causes & (STANDING | LOGS) else before.offered,
             disk_free=_free(layout),
@@ -121,9 +121,9 @@ class Looker:
                 facts, endpoint=stands.endpoint, environment=stands.environment, damaged=dict(stands.damaged)
             )
         if causes & PRESENCE or after_work:
-            anew = bool(causes & {Cause.START, Cause.HARDWARE, Cause.RESUMED})
+            again = bool(causes & {Cause.START, Cause.HARDWARE, Cause.RESUMED})
             # Who only tells how it is starts nothing, and so hurries for no process.
-            seen = self._senses.presence(anew=anew, process=None if self._traceless else facts.process)
+            seen = self._senses.presence(again=again, process=None if self._traceless else facts.process)
             if seen is None:
                 return replace(facts, put_off=causes & PRESENCE or frozenset((Cause.FILES,)))
             facts = replace(facts, appeared=seen.appeared, gone=seen.gone, devices=dict(seen.devices))
@@ -131,18 +131,20 @@ class Looker:
 
     def _answers(self, facts: Facts, causes: frozenset[Cause]) -> Facts:
         if facts.process is None:
-            return replace(facts, answers=None, told=None)
+            return replace(facts, answers=None, reported=None)
         if not causes & ANSWERS or facts.put_off:
             return facts
         answers, found = self._senses.answering(facts.process)
         if answers is not True and running(self._layout) is None:  # it ended while it was asked
             put_off = frozenset() if self._traceless else causes - {Cause.PROCESS}
-            return replace(facts, process=facts.process if put_off else None, answers=None, told=None, put_off=put_off)
-        return replace(facts, answers=answers, told=found)
+            return replace(
+                facts, process=facts.process if put_off else None, answers=None, reported=None, put_off=put_off
+            )
+        return replace(facts, answers=answers, reported=found)
 
     def _log(self, facts: Facts, causes: frozenset[Cause], *, changed: bool) -> Facts:
         hearing = self._senses.hearing
-        heard = hearing(anew=bool(causes & LOGS)) if facts.busy is None else hearing.successes()
+        heard = hearing(again=bool(causes & LOGS)) if facts.busy is None else hearing.successes()
         if changed:
             hearing.forget()
         sizes = _sizes(self._layout) if causes & LOGS else facts.log_bytes

@@ -17,7 +17,7 @@ from typing import Any
 
 from octoform import host
 from octoform.base.files import parse, read_json
-from octoform.daemon.model import Sighting
+from octoform.daemon.model import LastSeen
 from octoform.daemon.observe.event_queue import wait_readable
 from octoform.daemon.observe.hardware import names
 from octoform.daemon.observe.process import ProcessEar
@@ -40,7 +40,7 @@ class Seen:
 
     appeared: tuple[str, ...] = ()
     gone: tuple[str, ...] = ()
-    devices: Mapping[str, Sighting] = field(default_factory=dict)
+    devices: Mapping[str, LastSeen] = field(default_factory=dict)
 
 
 class Presence:
@@ -51,12 +51,12 @@ class Presence:
         self._root = host.root_from_environment(environ)
         self._where = where or Asked(layout, environ)
         self._signature: object = None
-        self._devices: Mapping[str, Sighting] = {}
+        self._devices: Mapping[str, LastSeen] = {}
         self._nodes: tuple[Path, ...] = ()
         self._met: set[str] = set()
 
-    def __call__(self, *, anew: bool = False, process: Running | None = None) -> Seen | None:
-        """What is there now; with ``anew`` the runtime is asked although no name moved.
+    def __call__(self, *, again: bool = False, process: Running | None = None) -> Seen | None:
+        """What is there now; with ``again`` the runtime is asked although no name moved.
 
         None when ``process`` ended before that was known: then the next look asks again.
         """
@@ -65,7 +65,7 @@ class Presence:
         ledger = read_instances(self._layout)[0] or {}
         recorded = {name: _recorded(ledger.get(name)) for name in ids}
         signature = (names(self._root), tuple(recorded.items()), tuple(map(_rights, self._nodes)))
-        if anew or signature != self._signature:
+        if again or signature != self._signature:
             answers = self._where(ids, process) if ids else {}
             if answers is None and process is not None and not is_it(process):
                 self._signature = None
@@ -83,16 +83,16 @@ class Presence:
         # What went is no news while nobody can tell whether it is one of the endpoint's devices, which are waited for.
         return Seen(appeared, gone if self._signature is not None else (), self._devices)
 
-    def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> Sighting:
+    def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> LastSeen:
         """Absent is only what is known to have been there; a doubt counts only for what something is moved with."""
         if answer is None:
-            return Sighting(None, recorded=recorded)
+            return LastSeen(None, recorded=recorded)
         if not answer.get("attached"):
-            return Sighting(False if recorded or name in self._met else None, recorded=recorded)
+            return LastSeen(False if recorded or name in self._met else None, recorded=recorded)
         self._met.add(name)
         doubt = str(answer.get("doubt") or "") if acts else ""
         shut = [describe_closed(each) for each in answer.get("refused") or ()]
-        return Sighting(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded, "; ".join(shut) or None)
+        return LastSeen(True, str(answer.get("sysfs") or "") or None, doubt or None, recorded, "; ".join(shut) or None)
 
     def _kinds(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
         try:

@@ -111,7 +111,7 @@ class Sensors:
         if result.get("resultType") == "input_required":
             yield self._nothing(probe, "it wants a person's approval")
         elif result.get("isError"):
-            yield self._nothing(probe, _said(content) or "it failed")
+            yield self._nothing(probe, _text_of(content) or "it failed")
         elif not isinstance(structured, Mapping):
             yield self._nothing(probe, "its result is not structured")
         else:
@@ -191,7 +191,7 @@ def _part(name: object) -> str:
     return step(_text(str(name)))
 
 
-def _said(content: Iterable[object]) -> str:
+def _text_of(content: Iterable[object]) -> str:
     blocks = [block for block in content if isinstance(block, Mapping)]
     return _text(" ".join(str(block.get("text") or "") for block in blocks).strip())
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import InitVar, dataclass, field
 
 from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Notify, Outcome, Status
-from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.memory import Memory
 from octoform.engine.apply import approval
 
@@ -30,15 +30,15 @@ class Reported:
 
 
 @dataclass(slots=True)
-class Troubles:
+class OpenIncidents:
     """All problems that last, each with its incident; what an agent made of one is its diagnosis."""
 
     memory: Memory
     notify: Notify
     now: InitVar[float]
     reported: dict[str, Reported] = field(default_factory=dict)
-    opened: list[Episode] = field(default_factory=list)
-    ended: list[Episode] = field(default_factory=list)
+    opened: list[Incident] = field(default_factory=list)
+    ended: list[Incident] = field(default_factory=list)
     causes: frozenset[Cause] = frozenset()
     """Why the present look is made."""
 
@@ -120,7 +120,7 @@ class Troubles:
                 return True
         return False
 
-    def _hidden(self, episode: Episode, found: Mapping[str, Finding]) -> bool:
+    def _hidden(self, episode: Incident, found: Mapping[str, Finding]) -> bool:
         """True for a tool that was given up, has not worked since, and of which nothing else is known now.
 
         What explains its failures for a while (a process that is down, a device that is away) does not fix it.
@@ -129,14 +129,14 @@ class Troubles:
         fails = any(episode.target == f"tool:{name}" for name in self.memory.recall.failing)
         return given_up and fails and all(each.target != episode.target for each in found.values())
 
-    def stands(self, finding: Finding, outcome: Outcome, facts: Facts, hint: str) -> None:
+    def set_outcome(self, finding: Finding, outcome: Outcome, facts: Facts, hint: str) -> None:
         """A problem lasts and nothing is tried any more; a person hears of it once."""
         episode = self.memory.episodes.open.get(finding.key)
         if episode is None or episode.outcome is outcome:
             return
         episode.hint = hint
-        self.memory.episodes.stands(episode, outcome)
-        self.tell(outcome.value, episode.target, episode.summary, facts, hint)
+        self.memory.episodes.set_outcome(episode, outcome)
+        self.alert(outcome.value, episode.target, episode.summary, facts, hint)
 
     def broaden(self, finding: Finding) -> Finding:
         """From now on all problems of this target and class are this one, whatever they say."""
@@ -153,7 +153,7 @@ class Troubles:
         for key in {finding.key, acting.key}:
             self.memory.breakers.forget(key)
         if (episode := self.memory.episodes.open.get(finding.key)) is not None:
-            self.memory.episodes.stands(episode, Outcome.OPEN)
+            self.memory.episodes.set_outcome(episode, Outcome.OPEN)
 
     def reopen(self, target: str) -> tuple[str, ...]:
         """A person wants a target (``*``: every one) tried again; the targets that were given up."""
@@ -163,15 +163,15 @@ class Troubles:
             if target in ("*", episode.target):
                 if key not in self.reported and (acting := self.diagnose(key, None)) is not None:
                     self.memory.breakers.thaw(acting.target)
-                if self.memory.episodes.stands(episode, Outcome.OPEN):
+                if self.memory.episodes.set_outcome(episode, Outcome.OPEN):
                     given_up.append(episode.target)
         return tuple(given_up)
 
-    def tell(self, event: str, target: str, summary: str, facts: Facts, hint: str = "") -> None:
+    def alert(self, event: str, target: str, summary: str, facts: Facts, hint: str = "") -> None:
         """Let a person know."""
         self.notify(Alert(event, facts.host, target, summary, facts.stamp, hint))
 
-    def taken(self) -> tuple[tuple[Episode, ...], tuple[Episode, ...]]:
+    def taken(self) -> tuple[tuple[Incident, ...], tuple[Incident, ...]]:
         """What began and what ended since the last time."""
         found = tuple(self.opened), tuple(self.ended)
         self.opened, self.ended = [], []
@@ -185,9 +185,9 @@ class Troubles:
             self.memory.episodes.note(episode)
         self.opened.append(episode)
         if finding.status is not Status.HEALTHY and finding.kind not in RETURNED:
-            self.tell("opened", episode.target, episode.summary, facts)
+            self.alert("opened", episode.target, episode.summary, facts)
 
-    def _end(self, episode: Episode, facts: Facts) -> None:
+    def _end(self, episode: Incident, facts: Facts) -> None:
         repaired = any(made.ok and made.repair != "watch" for made in episode.tries)
         outcome = Outcome.REPAIRED if repaired else Outcome.CLEARED
         for key in {episode.key, episode.diagnosis.key if episode.diagnosis is not None else episode.key}:
@@ -197,10 +197,10 @@ class Troubles:
             approval.withdraw(self.memory.shelf.layout)  # the hardware is as it was, or an apply has taken it up
         self.ended.append(episode)
         if episode.status is not Status.HEALTHY:
-            self.tell(outcome.value, episode.target, episode.summary, facts)
+            self.alert(outcome.value, episode.target, episode.summary, facts)
 
 
-def _untold(episode: Episode, facts: Facts) -> bool:
+def _untold(episode: Incident, facts: Facts) -> bool:
     """True while no one can determine where the device of a problem is: what is not known has not ended."""
     sighting = facts.devices.get(episode.target.removeprefix("device:"))
     return sighting is not None and sighting.there is None

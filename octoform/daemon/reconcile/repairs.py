@@ -6,10 +6,10 @@ from dataclasses import dataclass, field, replace
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Reading, Signal
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.health import Stand, stand, worse
+from octoform.daemon.health import HealthSnapshot, snapshot, worse
 from octoform.daemon.model import Cause, Done, Facts, FaultClass, Finding, Kind, Outcome, Ports, Repair
 from octoform.daemon.notices import hint
-from octoform.daemon.reconcile.incidents import Troubles
+from octoform.daemon.reconcile.incidents import OpenIncidents
 from octoform.daemon.reconcile.repair_policy import (
     APPLYING,
     GRACE_SECONDS,
@@ -32,7 +32,7 @@ from octoform.daemon.reconcile.repair_policy import (
 )
 from octoform.daemon.signals import unread
 from octoform.daemon.store.agent_budget import ATTEMPTS, Entry
-from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.store.incidents import Incident, Try
 from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage.agent_report import findings_of, summary_of
 
@@ -54,7 +54,7 @@ class Tried:
     """A repair on probation: what it was made for, how things stood before, since when (uptime), in which process."""
 
     finding: Finding
-    before: Stand
+    before: HealthSnapshot
     since: float
     process: str | None
     ends: int = 0
@@ -66,12 +66,12 @@ class Probation:
 
     tried: dict[str, Tried] = field(default_factory=dict)
 
-    def begin(self, key: str, finding: Finding, before: Stand, facts: Facts) -> None:
+    def begin(self, key: str, finding: Finding, before: HealthSnapshot, facts: Facts) -> None:
         """A repair has ended, by its own word well."""
         self.tried[key] = Tried(finding, before, facts.uptime + _AFTER, _process(facts))
 
     def judge(
-        self, facts: Facts, now: Stand, promised: Callable[[], Iterable[Signal]], readings: Iterable[Reading]
+        self, facts: Facts, now: HealthSnapshot, promised: Callable[[], Iterable[Signal]], readings: Iterable[Reading]
     ) -> list[tuple[Finding, str]]:
         """The repairs after which something is worse, and what; those that have held are on probation no more."""
         found, known = [], tuple(readings)
@@ -85,7 +85,7 @@ class Probation:
         return found
 
 
-def _worse(tried: Tried, facts: Facts, now: Stand) -> str | None:
+def _worse(tried: Tried, facts: Facts, now: HealthSnapshot) -> str | None:
     process = _process(facts)
     if process is not None and process != tried.process:
         tried.ends += tried.process is not None
@@ -171,7 +171,7 @@ class Trying:
 
     ports: Ports
     memory: Memory
-    troubles: Troubles
+    problems: OpenIncidents
     evidence: Evidence
     bench: Bench
     word_seconds: float
@@ -179,10 +179,10 @@ class Trying:
     apply: str = AUTO
     """The manifest's ``daemon.apply``: ``auto`` or ``ask``."""
     awaiting: dict[str, tuple[Task, Done]] = field(default_factory=dict)
-    tried: list[tuple[Episode, Try]] = field(default_factory=list)
+    tried: list[tuple[Incident, Try]] = field(default_factory=list)
     untouched: Untouched = field(init=False)
     probation: Probation = field(default_factory=Probation)
-    _stands: dict[str, Stand] = field(default_factory=dict)
+    _stands: dict[str, HealthSnapshot] = field(default_factory=dict)
     _entries: dict[str, Entry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -198,7 +198,7 @@ class Trying:
         """Begin every repair that is due and may be made."""
         waits = Waits()
         for finding in findings:
-            acting = self.troubles.acting(finding)
+            acting = self.problems.acting(finding)
             why = self._standing(finding, acting, facts)
             why = self._bar(finding, acting, facts, waits, paused) if why is None else why
             why = self._start(finding, acting, facts, causes) if why is None else why
@@ -225,9 +225,9 @@ class Trying:
             if not within(acting.kind, acting.target):
                 continue
             del self.awaiting[key]
-            diagnosed = task.repair is Repair.WATCH and self.troubles.diagnosed(key)
-            if key in self.troubles.reported and done.ok:
-                del self.troubles.reported[key]  # no look gives it again, so the word is all there is
+            diagnosed = task.repair is Repair.WATCH and self.problems.diagnosed(key)
+            if key in self.problems.reported and done.ok:
+                del self.problems.reported[key]  # no look gives it again, so the word is all there is
             elif key in present and not diagnosed:
                 self.memory.breakers.failed(
                     acting.key,
@@ -244,14 +244,16 @@ class Trying:
     def _standing(self, finding: Finding, acting: Finding, facts: Facts) -> str | None:
         """Empty or a reason when there is nothing to try for it; None when there is."""
         if acting.repair is Repair.PERSON:
-            self.troubles.stands(finding, Outcome.SURFACED, facts, acting.detail[:300] or "a person has to look at it")
+            self.problems.set_outcome(
+                finding, Outcome.SURFACED, facts, acting.detail[:300] or "a person has to look at it"
+            )
             return "waits for a person"
         if not chain_of(acting):
             return ""
         breaker = self.memory.breakers.of(acting.key)
         frozen = breaker.frozen or self.memory.breakers.of(finding.key).frozen
         if frozen and breaker.terms and self.apply == AUTO and self._allows_more(breaker.terms, facts):
-            self.troubles.goes_on(finding, acting)
+            self.problems.goes_on(finding, acting)
             return None
         if frozen is None and finding.key in self.held():
             return None
@@ -260,12 +262,12 @@ class Trying:
             self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
         if frozen is None and (frozen := self._too_often(acting, facts)) is not None:
             if acting is finding:
-                finding = acting = self.troubles.broaden(finding)
+                finding = acting = self.problems.broaden(finding)
             self.memory.breakers.freeze(acting.key, acting.target, frozen, facts.stamp)
         if frozen is None:
             return None
         text = f"{frozen}; {hint(finding.kind, finding.target)}"
-        self.troubles.stands(finding, Outcome.FROZEN, facts, text)
+        self.problems.set_outcome(finding, Outcome.FROZEN, facts, text)
         return f"given up: {frozen}"
 
     def _bar(self, finding: Finding, acting: Finding, facts: Facts, waits: Waits, paused: bool) -> str | None:
@@ -377,7 +379,7 @@ class Trying:
         if done.report is not None and repair in (Repair.WATCH, Repair.HEAL):
             self._offer(done, repair, facts)
         if done.asked:
-            self.troubles.tell("asks", acting.target, done.detail[:600], facts, "octoform apply")
+            self.problems.alert("asks", acting.target, done.detail[:600], facts, "octoform apply")
         if repair is Repair.WATCH and done.ok:
             self._diagnosed(key, acting, done, facts)
         if done.ok:
@@ -391,7 +393,7 @@ class Trying:
         self.memory.shelf.said.extend(refused)
         for claim in pending:
             hint = f"octoform confirm {claim.id}, or octoform confirm {claim.id} -reject"
-            self.troubles.tell("confirm", claim.target, f"{claim.kind} {claim.id}: {claim.statement}", facts, hint)
+            self.problems.alert("confirm", claim.target, f"{claim.kind} {claim.id}: {claim.statement}", facts, hint)
 
     def _diagnosed(self, key: str, asked: Finding, done: Done, facts: Facts) -> None:
         """What WATCH says of the problem that it was asked about is its diagnosis; the rest are others."""
@@ -399,11 +401,11 @@ class Trying:
         own = next((each for each in found if each.target == asked.target), found[0] if found else None)
         if own is None:
             return
-        self.troubles.diagnose(key, own)
+        self.problems.diagnose(key, own)
         self.memory.breakers.seen(own.key, own.target, facts.uptime, facts.stamp)
         for each in found:
             if each is not own and each.key not in self.memory.episodes.open:
-                self.troubles.report(each, facts.uptime + self.word_seconds)
+                self.problems.report(each, facts.uptime + self.word_seconds)
 
     def _forget(self, acting: Finding, repair: Repair) -> None:
         """Failures of code that is exchanged now are no evidence against what took its place.
@@ -426,9 +428,9 @@ class Trying:
         waiting = (Outcome.FROZEN, Outcome.SURFACED)
         return {each.target for each in self.memory.episodes.open.values() if each.outcome in waiting}
 
-    def _stand(self, facts: Facts) -> Stand:
+    def _stand(self, facts: Facts) -> HealthSnapshot:
         failing = {name: each.times for name, each in self.memory.recall.failing.items()}
-        return stand(facts, self.evidence.ledger.latest(), failing=failing)
+        return snapshot(facts, self.evidence.ledger.latest(), failing=failing)
 
     def _heard(self, task: Task, said: Done, facts: Facts) -> Done:
         """What an agent's run came to; nothing where the daemon's own files were changed meanwhile."""
@@ -461,7 +463,7 @@ class Trying:
             then=(Repair.ROLL_BACK, Repair.PERSON),
             data={"brief": {"episode": episode, "reason": why}, "episode": episode},
         )
-        self.troubles.report(finding, facts.uptime + self.word_seconds)
+        self.problems.report(finding, facts.uptime + self.word_seconds)
         self.memory.breakers.freeze(acting.key, acting.target, f"HEAL made it worse: {why}", facts.stamp)
 
 

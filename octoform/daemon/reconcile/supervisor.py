@@ -13,7 +13,7 @@ from octoform.claims.model import Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Ports
-from octoform.daemon.reconcile.incidents import Troubles
+from octoform.daemon.reconcile.incidents import OpenIncidents
 from octoform.daemon.reconcile.repair_policy import (
     PROCESS,
     Bench,
@@ -26,7 +26,7 @@ from octoform.daemon.reconcile.repair_policy import (
 from octoform.daemon.reconcile.repairs import Trying, Waits
 from octoform.daemon.status_file import FRESH_SECONDS, Bulletin
 from octoform.daemon.store import instance_lock
-from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.store.incidents import Incident, Try
 from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.process import LEAST_FREE
@@ -50,7 +50,7 @@ LEAST_WAIT = 0.05
 
 
 @dataclass(frozen=True, slots=True)
-class Round:
+class Cycle:
     """What one check cycle saw and did. ``due`` is when the next try is (uptime; None: nothing waits for a time).
 
     ``waits`` tells by key why a repair is not made now; ``problems`` is what could not be read, written or believed.
@@ -59,10 +59,10 @@ class Round:
     causes: frozenset[Cause]
     facts: Facts
     findings: tuple[Finding, ...] = ()
-    opened: tuple[Episode, ...] = ()
-    ended: tuple[Episode, ...] = ()
+    opened: tuple[Incident, ...] = ()
+    ended: tuple[Incident, ...] = ()
     begun: tuple[Task, ...] = ()
-    tried: tuple[tuple[Episode, Try], ...] = ()
+    tried: tuple[tuple[Incident, Try], ...] = ()
     waits: dict[str, str] = field(default_factory=dict)
     due: float | None = None
     health: Health | None = None
@@ -70,11 +70,11 @@ class Round:
     problems: tuple[Diagnostic, ...] = ()
 
 
-View = Callable[[Round], None]
+View = Callable[[Cycle], None]
 """Anyone who shows what the daemon does; called at the end of each check cycle."""
 
 
-def _nobody(_made: Round) -> None:
+def _no_view(_made: Cycle) -> None:
     """No one is shown anything."""
 
 
@@ -82,7 +82,7 @@ class Supervisor:
     """One deployment's daemon. `round` may be called by itself; `run` goes on until `stop`."""
 
     def __init__(
-        self, ports: Ports, memory: Memory, settings: Daemon, ledger: Ledger, bench: Bench, view: View = _nobody
+        self, ports: Ports, memory: Memory, settings: Daemon, ledger: Ledger, bench: Bench, view: View = _no_view
     ) -> None:
         """``bench`` states where repairs are made: `bench.Beside` in life, `bench.AtOnce` in virtual time."""
         self._ports = ports
@@ -90,13 +90,13 @@ class Supervisor:
         self._bench = bench
         self._view = view
         self._evidence = Evidence(ledger, ports.promised)
-        self._troubles = Troubles(memory, ports.notify, ports.clock.uptime())
+        self._troubles = OpenIncidents(memory, ports.notify, ports.clock.uptime())
         word = float(settings.claim_seconds)
         self._trying = Trying(ports, memory, self._troubles, self._evidence, bench, word, settings.apply)
         self._post = Bulletin(memory, self._evidence, 3.0 * settings.interval)
         self._facts: Facts | None = None
         self._seen: Facts | None = None
-        self._last: Round | None = None
+        self._last: Cycle | None = None
         self._read: tuple[str, frozenset[Signal]] = ("", frozenset())
         self._waits = Waits()
         self._left_out = False
@@ -107,24 +107,24 @@ class Supervisor:
         self._stopping = True
         self._ports.sources.rouse()
 
-    def say(self, problem: Diagnostic) -> None:
+    def report(self, problem: Diagnostic) -> None:
         """Let the next check cycle tell this."""
         self._memory.shelf.said.append(problem)
 
     def run(self, once: bool = False) -> None:
         """Check cycles until `stop`; with ``once`` until nothing is due and nothing is under way."""
-        made: Round | None = self.round(frozenset({Cause.START}))
+        made: Cycle | None = self.round(frozenset({Cause.START}))
         while not self._stopping:
             if once and made is not None and not (self._bench.under_way() or self._bench.waiting() or self._soon(made)):
                 return
             made = self.step()
 
-    def step(self) -> Round | None:
+    def step(self) -> Cycle | None:
         """Wait for the next reason for a check cycle, and make it; None when there was nothing to be done after all."""
         causes = self._next_causes()
         return self.round(causes) if causes and not self._stopping else None
 
-    def round(self, causes: frozenset[Cause]) -> Round:
+    def round(self, causes: frozenset[Cause]) -> Cycle:
         """One check cycle; returns when what can be begun is begun, and what ended by then is judged."""
         if causes <= QUIET and (same := self._unchanged(causes)) is not None:
             return same
@@ -150,7 +150,7 @@ class Supervisor:
             self._sample(facts)
         return self._over(causes, facts, findings, begun, paused)
 
-    def _unchanged(self, causes: frozenset[Cause]) -> Round | None:
+    def _unchanged(self, causes: frozenset[Cause]) -> Cycle | None:
         """A check cycle without work, where a question whether the endpoint answers gave what was known; else None.
 
         Most check cycles of a quiet night are such ones, so they have to cost nothing.
@@ -213,13 +213,13 @@ class Supervisor:
         findings: tuple[Finding, ...],
         begun: list[Task],
         paused: str | None,
-    ) -> Round:
+    ) -> Cycle:
         health = self._post(facts, self._waits.why, paused, self._ports.promised())
         opened, ended = self._troubles.taken()
         tried, self._trying.tried = tuple(self._trying.tried), []
-        problems = (*self._memory.shelf.said_since(), *self._evidence.ledger.told())
+        problems = (*self._memory.shelf.new_diagnostics(), *self._evidence.ledger.new_diagnostics())
         due = min(self._waits.due, default=None)
-        made = Round(
+        made = Cycle(
             causes, facts, findings, opened, ended, tuple(begun), tried, self._waits.why, due, health, paused, problems
         )
         self._last = made
@@ -254,7 +254,7 @@ class Supervisor:
         try:
             targets = instance_lock.taken_up(layout)
         except OSError as problem:
-            self.say(refused(problem, layout.daemon / instance_lock.ASKED))
+            self.report(refused(problem, layout.daemon / instance_lock.ASKED))
             return
         for target in targets:
             self._troubles.reopen(target)
@@ -274,17 +274,17 @@ class Supervisor:
         """When something is to be done by time alone (uptime): a try, the end of a claim."""
         return min((time for time in (*self._waits.due, self._evidence.due()) if time is not None), default=None)
 
-    def _soon(self, made: Round) -> bool:
+    def _soon(self, made: Cycle) -> bool:
         """Whether the next check cycle would make a try, or look at what this one omitted."""
         return self._left_out or (made.due is not None and made.due <= self._ports.clock.uptime())
 
 
 def _essence(facts: Facts) -> Facts:
     """The facts without what is another at each look and states nothing by itself."""
-    fields = facts.told or {}
+    fields = facts.reported or {}
     gate = fields.get("gate")
     kept = {"tunnel": fields.get("tunnel"), "stuck": gate.get("stuck") if isinstance(gate, Mapping) else None}
-    return replace(facts, uptime=0.0, stamp="", told=kept, disk_free=min(1, (facts.disk_free or 0) // LEAST_FREE))
+    return replace(facts, uptime=0.0, stamp="", reported=kept, disk_free=min(1, (facts.disk_free or 0) // LEAST_FREE))
 
 
 def _everything(_kind: Kind, _target: str) -> bool:

@@ -18,7 +18,8 @@ from pathlib import Path
 from octoform.base.files import remove_tree
 from octoform.daemon.model import Done
 from octoform.endpoint.environment.build import prune
-from octoform.endpoint.process.log_rotation import archives, drop, set_aside
+from octoform.endpoint.process.log_rotation import archives, drop
+from octoform.endpoint.process.log_rotation import rotate as set_aside
 from octoform.endpoint.published_files import read_manifest
 from octoform.state.files import mount_point
 from octoform.state.layout import Layout

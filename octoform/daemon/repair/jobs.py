@@ -133,7 +133,7 @@ def _look(project: str, _: Brief) -> dict[str, Any]:
     if isinstance(seen.outcome, Diagnostic):
         return _unseen(camera, ": ".join(filter(None, (seen.outcome.summary, seen.outcome.detail))))
     shown = seen.outcome.picture
-    picture = {"trouble": seen.trouble, "mean": shown.mean, "spread": shown.spread}
+    picture = {"trouble": seen.problem, "mean": shown.mean, "spread": shown.spread}
     return {"ok": True, "detail": "", "again": True, "camera": camera, "picture": picture}
 
 

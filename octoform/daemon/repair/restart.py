@@ -87,7 +87,7 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
     short = len(list(takewhile(lambda one: one.short, reversed(starts))))
     if short >= MOST_SHORT:
         _write(layout, [])
-        return Done(False, f"it crashes in a loop: {_told(starts[-short:])}", again=False)
+        return Done(False, f"it crashes in a loop: {_describe(starts[-short:])}", again=False)
     if short:
         world.sleep(min(LONGEST_PAUSE, FIRST_PAUSE * 2 ** (short - 1)))
     if there is not None:
@@ -147,9 +147,9 @@ def read(layout: Layout) -> list[Start]:
         return []
 
 
-def _start(told: Mapping[str, Any]) -> Start:
-    until = None if told["until"] is None else float(told["until"])
-    return Start(str(told["boot"]), float(told["uptime"]), bool(told["ok"]), str(told["why"]), until)
+def _start(record: Mapping[str, Any]) -> Start:
+    until = None if record["until"] is None else float(record["until"])
+    return Start(str(record["boot"]), float(record["uptime"]), bool(record["ok"]), str(record["why"]), until)
 
 
 def _write(layout: Layout, starts: Iterable[Start]) -> None:
@@ -169,7 +169,7 @@ def _ended(starts: list[Start], now: float) -> list[Start]:
     return [*starts[:-1], replace(starts[-1], until=now)] if starts and starts[-1].until is None else starts
 
 
-def _told(starts: list[Start]) -> str:
+def _describe(starts: list[Start]) -> str:
     why = next((one.why for one in reversed(starts) if one.why), "")
     seconds = starts[-1].uptime - starts[0].uptime
     return f"{len(starts)} starts within {seconds:.0f} s did not last" + (

@@ -39,17 +39,17 @@ def main() -> int:
         job, brief, parent = asked["job"], asked["brief"], int(asked["parent"])
         work, project = JOBS[job], str(asked["project"])
     except OtherFormatError:
-        return _tell(out, {"ok": False, "detail": "the job is of another version", "again": False}, BAD_JOB)
+        return _send(out, {"ok": False, "detail": "the job is of another version", "again": False}, BAD_JOB)
     except (ValueError, LookupError, TypeError) as problem:
-        return _tell(out, {"ok": False, "detail": f"this is no job: {problem!r}", "again": False}, BAD_JOB)
+        return _send(out, {"ok": False, "detail": f"this is no job: {problem!r}", "again": False}, BAD_JOB)
     try:
         _bind_to(parent)
         result = work(project, brief)
     except _Ended:
-        return _tell(
+        return _send(
             out, {"ok": False, "detail": f"{job}: it was asked to end", "again": True, "untold": True}, STOPPED
         )
-    return _tell(out, result, 0)
+    return _send(out, result, 0)
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
@@ -67,7 +67,7 @@ def _bind_to(parent: int) -> None:
         raise _Ended
 
 
-def _tell(out: Any, result: Mapping[str, Any], status: int) -> int:
+def _send(out: Any, result: Mapping[str, Any], status: int) -> int:
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     out.write(json.dumps(result, ensure_ascii=True) + "\n")
     out.flush()

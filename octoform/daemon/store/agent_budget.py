@@ -30,7 +30,7 @@ class Entry:
 
 
 @dataclass(slots=True)
-class Purse:
+class AgentBudget:
     """The hour's spending. ``calls_per_hour`` and ``usd_per_hour`` are the caps; None in dollars is none."""
 
     shelf: Shelf

@@ -11,7 +11,7 @@ from dataclasses import field, replace
 from typing import Any
 
 from octoform.daemon.model import Outcome, Repair
-from octoform.daemon.store.incidents import Episode
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.json_store import Shelf, number
 from octoform.records import dataclass
 
@@ -32,7 +32,7 @@ LIMIT = 500
 
 
 @dataclass(frozen=True, slots=True)
-class Breaker:
+class Backoff:
     """The tries for one problem. Times are seconds of uptime in the boot ``boot``.
 
     ``tries`` since it was last forgiven, ``step`` the place in its chain of repairs (beyond the end: the last one),
@@ -63,14 +63,14 @@ class Breaker:
 
 
 @dataclass(slots=True)
-class Breakers:
+class Backoffs:
     """All of a host's breakers; every change is on disk before the repair that it is about."""
 
     shelf: Shelf
     boot: str
     limit: int = 3
     hold: float = HOLD_SECONDS
-    _all: dict[str, Breaker] = field(default_factory=dict)
+    _all: dict[str, Backoff] = field(default_factory=dict)
     _tries: dict[str, tuple[float, ...]] = field(default_factory=dict)
     """Uptimes of the tries of the last hour, by `_kin`."""
     _troubled: frozenset[str] = frozenset()
@@ -88,15 +88,15 @@ class Breakers:
                 item, boot=self.boot, next=item.next if same else now, gone=gone, helped=helped
             )
 
-    def of(self, key: str, target: str = "") -> Breaker:
+    def of(self, key: str, target: str = "") -> Backoff:
         """The breaker of a problem; a new one allows its first try at once."""
-        return self._all.get(key) or Breaker(key, target, self.boot)
+        return self._all.get(key) or Backoff(key, target, self.boot)
 
-    def frozen(self) -> tuple[Breaker, ...]:
+    def frozen(self) -> tuple[Backoff, ...]:
         """Those that try no more; a problem of some of them may be over, and not forgotten yet."""
         return tuple(item for item in self._all.values() if item.frozen is not None)
 
-    def given_up(self, lasting: Iterable[Episode]) -> tuple[Breaker, ...]:
+    def given_up(self, lasting: Iterable[Incident]) -> tuple[Backoff, ...]:
         """Why nothing is tried any more for those of these problems that last and were given up, under their target."""
         found = []
         for episode in lasting:
@@ -106,11 +106,11 @@ class Breakers:
                 found.append(replace(frozen, target=episode.target))
         return tuple(found)
 
-    def all(self) -> tuple[Breaker, ...]:
+    def all(self) -> tuple[Backoff, ...]:
         """Every problem that is remembered."""
         return tuple(self._all.values())
 
-    def begin(self, key: str, target: str, now: float, *, quick: bool = False) -> Breaker:
+    def begin(self, key: str, target: str, now: float, *, quick: bool = False) -> Backoff:
         """Count a try that is about to be made, and set when the next one may be.
 
         Those of ``quick`` repairs have an hour's count of their own.
@@ -129,7 +129,7 @@ class Breakers:
 
     def failed(
         self, key: str, now: float, *, chain: Sequence[str], limit: int, stamp: str, hopeless: str | None = None
-    ) -> Breaker:
+    ) -> Backoff:
         """A try did not help: on to the next repair of ``chain``, or frozen after ``limit`` tries.
 
         ``hopeless`` is the repair that was made, where it can never help: then it is tried no more, wherever it is
@@ -137,7 +137,7 @@ class Breakers:
         """
         item = self._all.get(key)
         if item is None:
-            return Breaker(key, "", self.boot)  # a person wants it tried again: what was tried before counts no more
+            return Backoff(key, "", self.boot)  # a person wants it tried again: what was tried before counts no more
         ruled = item.hopeless if hopeless is None else tuple(dict.fromkeys((*item.hopeless, hopeless)))
         later = [step for step in range(item.step + 1, len(chain)) if chain[step] not in ruled]
         at_once = hopeless is not None and bool(later)
@@ -149,7 +149,7 @@ class Breakers:
         self._put(item)
         return item
 
-    def seen(self, key: str, target: str, now: float, stamp: str) -> Breaker:
+    def seen(self, key: str, target: str, now: float, stamp: str) -> Backoff:
         """The problem is there: a freeze stays, and one that came back too soon goes on where it was."""
         item = self._all.get(key)
         if item is None or item.gone is None:
@@ -217,7 +217,7 @@ class Breakers:
         """Nothing is tried any more for this problem."""
         self._put(replace(self.of(key, target), target=target, frozen=why, since=stamp, gone=None))
 
-    def _put(self, item: Breaker) -> None:
+    def _put(self, item: Backoff) -> None:
         self._all[item.key] = item
         if len(self._all) > LIMIT:
             spare = sorted((one for one in self._all.values() if one.frozen is None), key=lambda one: one.next)
@@ -246,7 +246,7 @@ def _times(document: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     return {name: tuple(number(at) for at in times) for name, times in listed if isinstance(times, list) and times}
 
 
-def _encoded(item: Breaker) -> dict[str, Any]:
+def _encoded(item: Backoff) -> dict[str, Any]:
     return {
         "key": item.key,
         "target": item.target,
@@ -262,7 +262,7 @@ def _encoded(item: Breaker) -> dict[str, Any]:
     }
 
 
-def _entries(document: Mapping[str, Any]) -> Iterable[Breaker]:
+def _entries(document: Mapping[str, Any]) -> Iterable[Backoff]:
     boot = str(document.get("boot", ""))
     listed = document.get("breakers")
     for entry in listed if isinstance(listed, list) else ():
@@ -270,10 +270,10 @@ def _entries(document: Mapping[str, Any]) -> Iterable[Breaker]:
             yield _decoded(entry, boot)
 
 
-def _decoded(entry: Mapping[str, Any], boot: str) -> Breaker:
+def _decoded(entry: Mapping[str, Any], boot: str) -> Backoff:
     helped, gone, frozen = entry.get("helped"), entry.get("gone"), entry.get("frozen")
     hopeless = entry.get("hopeless")
-    return Breaker(
+    return Backoff(
         key=entry["key"],
         target=str(entry.get("target", "")),
         boot=boot,

@@ -16,7 +16,7 @@ from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outco
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
 from octoform.records import dataclass
-from octoform.state.files import read_regular, refused, shown, write_atomic
+from octoform.state.files import display, read_regular, refused, write_atomic
 
 FILE = "episodes.jsonl"
 KEPT = 1000
@@ -39,7 +39,7 @@ class Try:
 
 
 @dataclass(slots=True)
-class Episode:
+class Incident:
     """One problem from its first sign to its end. Stamps are RFC 3339, uptimes seconds of CLOCK_BOOTTIME.
 
     ``closed`` is None while it lasts; then ``outcome`` is ``open``, or ``frozen`` or ``surfaced`` when a person is
@@ -80,12 +80,12 @@ class Episode:
 
 
 @dataclass(slots=True)
-class Episodes:
+class Incidents:
     """The host's incidents: those that last, by key, and a line for each change."""
 
     shelf: Shelf
     boot: str
-    open: dict[str, Episode] = field(default_factory=dict)
+    open: dict[str, Incident] = field(default_factory=dict)
     _count: int = 0
 
     def load(self) -> None:
@@ -97,10 +97,10 @@ class Episodes:
         if self._size() > GROWN:
             self._cut(known)
 
-    def begin(self, finding: Finding, facts: Facts, by: str = "triage", causes: Iterable[Cause] = ()) -> Episode:
+    def begin(self, finding: Finding, facts: Facts, by: str = "triage", causes: Iterable[Cause] = ()) -> Incident:
         """A problem is seen for the first time, in these facts, which were looked at for these causes."""
         self._count += 1
-        episode = Episode(
+        episode = Incident(
             id=f"e{self._count}",
             kind=finding.kind,
             fault=finding.fault,
@@ -120,7 +120,7 @@ class Episodes:
         self.note(episode)
         return episode
 
-    def becomes(self, episode: Episode, finding: Finding) -> None:
+    def becomes(self, episode: Incident, finding: Finding) -> None:
         """The same problem is seen otherwise now: it goes on under another key, and keeps its kind and beginning."""
         self.open.pop(episode.key, None)
         episode.key, episode.status, episode.diagnosis = finding.key, finding.status, None
@@ -130,20 +130,20 @@ class Episodes:
         self.open[episode.key] = episode
         self.note(episode)
 
-    def tried(self, episode: Episode, made: Try, spent: Spent) -> None:
+    def tried(self, episode: Incident, made: Try, spent: Spent) -> None:
         """A repair was made for it."""
         detail = escaped(made.detail)[:DETAIL]
         episode.tries = [*episode.tries, Try(made.repair, made.at, made.ok, detail, made.seconds)][-TRIES:]
         episode.spent = added(episode.spent, spent)
         self.note(episode)
 
-    def end(self, episode: Episode, outcome: Outcome, stamp: str, uptime: float) -> None:
+    def end(self, episode: Incident, outcome: Outcome, stamp: str, uptime: float) -> None:
         """It is over."""
         episode.outcome, episode.closed, episode.closed_uptime = outcome, stamp, uptime
         self.open.pop(episode.key, None)
         self.note(episode)
 
-    def stands(self, episode: Episode, outcome: Outcome) -> bool:
+    def set_outcome(self, episode: Incident, outcome: Outcome) -> bool:
         """It lasts, and how; True when that is new."""
         if episode.outcome is outcome:
             return False
@@ -151,7 +151,7 @@ class Episodes:
         self.note(episode)
         return True
 
-    def note(self, episode: Episode) -> None:
+    def note(self, episode: Incident) -> None:
         """Write a line with what it is now; a disk that refuses is stated."""
         path = self.shelf.path(FILE)
         self.shelf.is_mine(FILE)
@@ -173,7 +173,7 @@ class Episodes:
         except OSError:
             return 0
 
-    def _cut(self, known: Iterable[Episode]) -> None:
+    def _cut(self, known: Iterable[Incident]) -> None:
         kept = list(known)
         over = [item for item in kept if item.over][-KEPT:]
         wanted = {item.id for item in over} | {item.id for item in kept if not item.over}
@@ -188,14 +188,14 @@ class Episodes:
             self.note(episode)
 
 
-def read(shelf: Shelf) -> list[Episode]:
+def read(shelf: Shelf) -> list[Incident]:
     """All incidents in the order in which they began; lines that are none are omitted, and said."""
     path = shelf.path(FILE)
     data, problem = read_regular(path, 4 * LIMIT)
     if problem is not None:
-        shelf.aside(path, problem.summary)
+        shelf.move_aside(path, problem.summary)
         return []
-    found: dict[str, Episode] = {}
+    found: dict[str, Incident] = {}
     bad = 0
     for line in filter(None, (data or b"").split(b"\n")):
         episode = _decoded(line)
@@ -205,11 +205,11 @@ def read(shelf: Shelf) -> list[Episode]:
             found[episode.id] = episode
     if bad:
         detail = f"{bad} of its lines are none of this version, or half ones; they are skipped"
-        shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), detail=detail))
+        shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=display(path), detail=detail))
     return list(found.values())
 
 
-def to_json(episode: Episode) -> dict[str, Any]:
+def to_json(episode: Incident) -> dict[str, Any]:
     """An incident as its line has it, and ``octoform incidents --json``."""
     return {
         "format": FORMAT,
@@ -271,14 +271,14 @@ def _ordinal(name: str) -> int:
     return int(name[1:]) if name[1:].isdecimal() else 0
 
 
-def _decoded(line: bytes) -> Episode | None:
+def _decoded(line: bytes) -> Incident | None:
     try:
         return _episode(record(parse(line), FORMAT))
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
         return None
 
 
-def _episode(entry: Mapping[str, Any]) -> Episode:
+def _episode(entry: Mapping[str, Any]) -> Incident:
     tries = [
         Try(str(item["repair"]), str(item["at"]), bool(item["ok"]), str(item["detail"]), number(item["seconds"]))
         for item in entry["tries"]
@@ -286,7 +286,7 @@ def _episode(entry: Mapping[str, Any]) -> Episode:
     spent = entry["spent"]
     usd = spent["usd"]
     closed_uptime = entry["closed_uptime"]
-    return Episode(
+    return Incident(
         id=str(entry["id"]),
         kind=Kind(entry["kind"]),
         fault=FaultClass(entry["fault"]),

@@ -18,7 +18,7 @@ from octoform.base.locks import acquire, held, is_locked, lock_file
 from octoform.base.place import KEY, is_from, place_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.records import dataclass
-from octoform.state.files import hide_from_git, read_regular, refused, shown, write_atomic
+from octoform.state.files import display, hide_from_git, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Liveness, Process, from_json, liveness, myself, to_json
 
@@ -237,7 +237,7 @@ def _running(layout: Layout) -> Diagnostic:
     return error(
         TAKEN,
         f"the daemon of {layout.host} runs already: {who}{since}",
-        path=shown(layout.daemon / LOCK),
+        path=display(layout.daemon / LOCK),
         hint="octoform health shows its findings; end it there, or let systemd do so, before you start another",
     )
 

@@ -16,7 +16,7 @@ from typing import Any
 
 from octoform.base.files import OtherFormatError, move, parse, private_folder, record
 from octoform.diagnostics import Diagnostic, warning
-from octoform.state.files import read_regular, shown, write_atomic
+from octoform.state.files import display, read_regular, write_atomic
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -48,9 +48,9 @@ class Shelf:
         try:
             return record(parse(data or b""), FORMAT)
         except OtherFormatError:
-            self.aside(path, "it was written by another version")
+            self.move_aside(path, "it was written by another version")
         except ValueError:
-            self.aside(path, "it is damaged")
+            self.move_aside(path, "it is damaged")
         return {}
 
     def write(self, name: str, document: Mapping[str, Any]) -> bool:
@@ -78,10 +78,10 @@ class Shelf:
         self.wrote(name)
         summary = "a file of the daemon was changed by somebody else; what the daemon knows is written again"
         hint = "these files are no settings: change them by octoform heal -retry, pause and claims"
-        self.said.append(warning("DAEMON-MEMORY-CHANGED", summary, path=shown(self.path(name)), hint=hint))
+        self.said.append(warning("DAEMON-MEMORY-CHANGED", summary, path=display(self.path(name)), hint=hint))
         return False
 
-    def aside(self, path: Path, why: str) -> None:
+    def move_aside(self, path: Path, why: str) -> None:
         """Move what is no file of ours out of the way, and say it; the one that was set aside before is gone then."""
         kept = path.with_name(f"{path.name}.damaged")
         try:
@@ -91,10 +91,10 @@ class Shelf:
             detail = f"it cannot be moved away: {problem.strerror}"
         self.wrote(path.name)
         hint = "nothing is to be done; the daemon starts a new one"
-        item = warning("DAEMON-MEMORY-DAMAGED", why, path=shown(path), detail=detail, hint=hint)
+        item = warning("DAEMON-MEMORY-DAMAGED", why, path=display(path), detail=detail, hint=hint)
         self.said.append(item)
 
-    def said_since(self) -> tuple[Diagnostic, ...]:
+    def new_diagnostics(self) -> tuple[Diagnostic, ...]:
         """What was to be stated, once."""
         found = tuple(self.said)
         self.said.clear()

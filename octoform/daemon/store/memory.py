@@ -3,15 +3,15 @@
 from dataclasses import asdict, field
 
 from octoform.daemon.store import agent_budget, backoff, incidents
-from octoform.daemon.store.agent_budget import Purse
-from octoform.daemon.store.backoff import Breakers
-from octoform.daemon.store.incidents import Episodes
+from octoform.daemon.store.agent_budget import AgentBudget
+from octoform.daemon.store.backoff import Backoffs
+from octoform.daemon.store.incidents import Incidents
 from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.triage.failure_history import Recall, as_json, from_json
 from octoform.diagnostics import warning
 from octoform.manifest.model import Daemon
 from octoform.records import dataclass
-from octoform.state.files import shown
+from octoform.state.files import display
 from octoform.state.layout import Layout
 
 RECALL, REPORT = "recall.json", "report.json"
@@ -35,9 +35,9 @@ class Memory:
 
     shelf: Shelf
     boot: str
-    breakers: Breakers
-    episodes: Episodes
-    purse: Purse
+    breakers: Backoffs
+    episodes: Incidents
+    purse: AgentBudget
     recall: Recall = field(default_factory=Recall)
     report: LastReport = field(default_factory=LastReport)
 
@@ -45,8 +45,8 @@ class Memory:
     def open(cls, layout: Layout, boot: str, now: float, settings: Daemon) -> "Memory":
         """Take up what is on the disk; ``boot`` names this start of the machine, ``now`` is its uptime in seconds."""
         shelf = Shelf(layout)
-        purse = Purse(shelf, boot, settings.calls_per_hour, settings.usd_per_hour)
-        found = cls(shelf, boot, Breakers(shelf, boot, settings.heal_attempts), Episodes(shelf, boot), purse)
+        purse = AgentBudget(shelf, boot, settings.calls_per_hour, settings.usd_per_hour)
+        found = cls(shelf, boot, Backoffs(shelf, boot, settings.heal_attempts), Incidents(shelf, boot), purse)
         found.breakers.load(now)
         found.episodes.load()
         found.purse.load(now)
@@ -99,7 +99,9 @@ def _recall(shelf: Shelf, boot: str) -> Recall:
         found = from_json(document["recall"])
     except (LookupError, TypeError, ValueError, AttributeError, OverflowError):
         path = shelf.path(RECALL)
-        shelf.said.append(warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=shown(path), hint="it is begun again"))
+        shelf.said.append(
+            warning("DAEMON-MEMORY-DAMAGED", "it is damaged", path=display(path), hint="it is begun again")
+        )
         return Recall()
     # Uptimes of another boot mean nothing, and its process is gone with it.
     return found if document.get("boot") == boot else Recall(failing=found.failing, places=found.places)

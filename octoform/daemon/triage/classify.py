@@ -9,7 +9,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
 from octoform.claims.model import Channel, Reading
-from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Sighting, Status
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, LastSeen, Repair, Status
 from octoform.daemon.observe.samples import tool_of
 from octoform.daemon.signals import Silence, silent
 from octoform.daemon.triage import process
@@ -72,7 +72,7 @@ def _counts(entries: Sequence[str]) -> Counter[str]:
     return found
 
 
-def _doubt(name: str, now: Sighting) -> Finding | None:
+def _doubt(name: str, now: LastSeen) -> Finding | None:
     if now.doubt is None:
         return None
     summary = f"which device {name} is cannot be determined for certain, so nothing that moves is called on it"
@@ -80,14 +80,14 @@ def _doubt(name: str, now: Sighting) -> Finding | None:
     return Finding(kind, fault, target, summary, ("in doubt",), Repair.PERSON, detail=now.doubt[:400])
 
 
-def _gone(name: str, now: Sighting) -> Finding | None:
+def _gone(name: str, now: LastSeen) -> Finding | None:
     if now.there is not False:
         return None
     summary = f"{name} is not there; its tools work again once it is"
     return Finding(Kind.DEVICE_GONE, FaultClass.DEVICE_MOVED, f"device:{name}", summary, ("gone",), Repair.WAIT)
 
 
-def _moved(name: str, now: Sighting, former: Sighting | None) -> Finding | None:
+def _moved(name: str, now: LastSeen, former: LastSeen | None) -> Finding | None:
     written = now.recorded or (former.place if former is not None else None)
     if not now.there or now.place is None or written is None or written == now.place:
         return None

@@ -31,7 +31,15 @@ def judged(facts: Facts, recall: Recall, standing: Iterable[Finding]) -> Iterato
         then = (Repair.RESTART, Repair.REBUILD)
         fault = FaultClass.DEAD_PROCESS
         yield Finding(
-            Kind.PROCESS_HUNG, fault, TARGET, summary, ("silent",), Repair.RESTART, then, Status.DOWN, _said(facts)
+            Kind.PROCESS_HUNG,
+            fault,
+            TARGET,
+            summary,
+            ("silent",),
+            Repair.RESTART,
+            then,
+            Status.DOWN,
+            _last_message(facts),
         )
     else:
         yield from _stuck(facts)
@@ -39,7 +47,7 @@ def judged(facts: Facts, recall: Recall, standing: Iterable[Finding]) -> Iterato
 
 def tunnel(facts: Facts) -> Iterator[Finding]:
     """A tunnel that ought to run and does not; its own process opens it again, so it is only said."""
-    found = (facts.told or {}).get("tunnel")
+    found = (facts.reported or {}).get("tunnel")
     if isinstance(found, Mapping) and found.get("state") not in ("running", "starting", "revoked"):
         yield Finding(
             Kind.TUNNEL_DOWN,
@@ -64,12 +72,14 @@ def _gone(facts: Facts, recall: Recall) -> Finding:
     else:
         summary, kind = "the endpoint's process is gone", Kind.PROCESS_DEAD
         evidence, first, then = ("gone",), Repair.RESTART, (Repair.RESTART, Repair.REBUILD)
-    return Finding(kind, FaultClass.DEAD_PROCESS, TARGET, summary, evidence, first, then, Status.DOWN, _said(facts))
+    return Finding(
+        kind, FaultClass.DEAD_PROCESS, TARGET, summary, evidence, first, then, Status.DOWN, _last_message(facts)
+    )
 
 
 def _stuck(facts: Facts) -> Iterator[Finding]:
     """Tools whose code has not ended although their time was over: only another process sets their bus free."""
-    gate = (facts.told or {}).get("gate")
+    gate = (facts.reported or {}).get("gate")
     stuck = gate.get("stuck") if isinstance(gate, Mapping) else None
     for name in sorted({_name(each) for each in stuck or ()}):
         yield Finding(
@@ -88,7 +98,7 @@ def _name(stuck: object) -> str:
     return escaped(str(stuck.get("tool", "a tool")) if isinstance(stuck, Mapping) else str(stuck))[:80]
 
 
-def _said(facts: Facts) -> str:
+def _last_message(facts: Facts) -> str:
     """What the process or its last start said, bounded."""
     return escaped(facts.start_failed or "\n".join(facts.printed[-10:]), keep="\n")[:1500]
 
@@ -296,7 +306,7 @@ def port(facts: Facts) -> Iterator[Finding]:
 
 def beyond_limits(facts: Facts) -> Iterator[Finding]:
     """What the endpoint's process keeps still, because its device reported a place outside of a limit."""
-    outside = (facts.told or {}).get("outside")
+    outside = (facts.reported or {}).get("outside")
     for tool, units in sorted(outside.items()) if isinstance(outside, Mapping) else ():
         for unit, text in sorted(units.items()) if isinstance(units, Mapping) else ():
             place = str(text).partition(" (")[0]  # `octoform limits` has the source of the range

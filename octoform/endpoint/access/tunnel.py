@@ -97,7 +97,7 @@ _WORDS = {"revoked": "the tunnel is revoked", OPENING: "the tunnel has no addres
 
 
 @dataclass(frozen=True, slots=True)
-class TunnelSight:
+class TunnelState:
     """A tunnel as its process tells it: ``state`` is starting, running, not running, revoked or unknown.
 
     ``url`` is its address while it runs, without a path; ``reason`` why it does not.
@@ -118,18 +118,18 @@ def networked(layout: Layout) -> bool:
     return _published(layout).get("network") is not None
 
 
-def tunnel_now(layout: Layout) -> TunnelSight | None:
+def tunnel_now(layout: Layout) -> TunnelState | None:
     """The tunnel as it is; None where the published endpoint has none."""
     if _published(layout).get("tunnel") is None:
         return None
     found = (record.ask(layout, {"op": "status"}) or {}).get("tunnel")
     if not isinstance(found, Mapping):
-        return TunnelSight("unknown", reason="the endpoint's process does not report it")
+        return TunnelState("unknown", reason="the endpoint's process does not report it")
     url, reason = found.get("url"), found.get("reason")
-    return TunnelSight(str(found.get("state")), str(url) if url else None, str(reason) if reason else None)
+    return TunnelState(str(found.get("state")), str(url) if url else None, str(reason) if reason else None)
 
 
-def tunnel_opened(layout: Layout, seconds: float = OPEN_SECONDS) -> TunnelSight | None:
+def tunnel_opened(layout: Layout, seconds: float = OPEN_SECONDS) -> TunnelState | None:
     """The tunnel once it runs or is known not to; as it is after ``seconds`` when it is still starting."""
     end = time.monotonic() + seconds
     found = tunnel_now(layout)
@@ -139,12 +139,12 @@ def tunnel_opened(layout: Layout, seconds: float = OPEN_SECONDS) -> TunnelSight 
     return found
 
 
-def through(tunnel: TunnelSight, url: str) -> str:
+def through(tunnel: TunnelState, url: str) -> str:
     """The endpoint's own URL as it is called through its tunnel."""
     return f"{tunnel.url}{urlsplit(url).path}"
 
 
-def no_tunnel(found: TunnelSight | None) -> Diagnostic | None:
+def no_tunnel(found: TunnelState | None) -> Diagnostic | None:
     """TUNNEL-NOT-RUNNING, a warning, for a tunnel that ought to run and does not; None for every other."""
     if found is None or found.running:
         return None

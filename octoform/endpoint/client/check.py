@@ -15,7 +15,7 @@ from typing import Any
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import ForkServer
-from octoform.endpoint.client.check_verdict import CheckReport, TrialCall, has_content, judge_check
+from octoform.endpoint.client.check_verdict import CheckReport, SampleCallResult, has_content, judge_check
 from octoform.endpoint.client.sdk_client import Call, ClientReport, converse, recorded_environment
 from octoform.endpoint.expected_tools import untried
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
@@ -32,7 +32,7 @@ _SIMPLE: dict[str, Any] = {"boolean": False, "array": [], "object": {}, "null": 
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
+class SampleCall:
     """A call to make. ``device`` is None where the tool does not say which; ``arguments`` where none are harmless."""
 
     tool: str
@@ -40,18 +40,18 @@ class Trial:
     arguments: dict[str, Any] | None
 
 
-def trials(tool: Mapping[str, Any]) -> list[Trial]:
+def sample_calls(tool: Mapping[str, Any]) -> list[SampleCall]:
     """The calls that prove a tool of the INTERFACE artifact: one for each value of its parameter ``device``."""
-    name, given = tool["name"], trial_arguments(tool)
+    name, given = tool["name"], sample_arguments(tool)
     listed = tool["input_schema"].get("properties", {}).get("device", {}).get("enum", ())
     devices = [value for value in listed if isinstance(value, str)]
     if given is not None and len(devices) > 1:
-        return [Trial(name, device, {**given, "device": device}) for device in devices]
+        return [SampleCall(name, device, {**given, "device": device}) for device in devices]
     only = tool.get("devices") or (None,)
-    return [Trial(name, only[0] if len(only) == 1 else None, given)]
+    return [SampleCall(name, only[0] if len(only) == 1 else None, given)]
 
 
-def trial_arguments(tool: Mapping[str, Any]) -> dict[str, Any] | None:
+def sample_arguments(tool: Mapping[str, Any]) -> dict[str, Any] | None:
     """Arguments for a tool of the INTERFACE artifact; None when a required one cannot be derived.
 
     The author's ``smoke.arguments`` come first. Otherwise only required parameters are given a value: the schema's
@@ -107,7 +107,7 @@ CALL_SECONDS = 20.0
 REPEATED = 2
 """How often a quick reading is made again: whether it moves shows in three."""
 
-__all__ = ["CheckReport", "TrialCall", "check", "judge_check"]
+__all__ = ["CheckReport", "SampleCallResult", "check", "judge_check"]
 
 
 def check(
@@ -131,8 +131,8 @@ def check(
         return CheckReport(False, "the endpoint was not applied", None, None, (), (), 0.0)
     readers = [tool for tool in interface["tools"] if smoke and tool["effect"] == "read"]
     asked = untried(layout)
-    wanted = [trial for tool in readers if tool["name"] not in asked for trial in trials(tool)]
-    left = tuple(TrialCall(tool["name"], ok=False, skipped=LINE) for tool in readers if tool["name"] in asked)
+    wanted = [trial for tool in readers if tool["name"] not in asked for trial in sample_calls(tool)]
+    left = tuple(SampleCallResult(tool["name"], ok=False, skipped=LINE) for tool in readers if tool["name"] in asked)
     calls = [
         Call(trial.tool, trial.arguments, call_seconds, REPEATED) for trial in wanted if trial.arguments is not None
     ]
@@ -140,7 +140,7 @@ def check(
     ForkServer.at(environment.python)  # it loads while the endpoint does
     process, problem = start(layout)
     if process is None:
-        report = CheckReport(False, told(problem) if problem else None, None, None, (), (), 0.0)
+        report = CheckReport(False, describe(problem) if problem else None, None, None, (), (), 0.0)
         return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
     position = mark(layout.call_log)
     seen = converse(layout, environment, calls, mode=mode, seconds=max(0.0, until - time.monotonic()))
@@ -149,17 +149,17 @@ def check(
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
 
 
-def told(problem: Diagnostic) -> str:
+def describe(problem: Diagnostic) -> str:
     """A diagnostic in one text."""
     return f"{problem.summary}\n{problem.detail}" if problem.detail else problem.summary
 
 
-def _report(seen: ClientReport, wanted: Sequence[Trial], logged: Sequence[LoggedCall]) -> CheckReport:
+def _report(seen: ClientReport, wanted: Sequence[SampleCall], logged: Sequence[LoggedCall]) -> CheckReport:
     answers, log = iter(seen.calls), _Log(logged)
     taken = [(trial, next(answers, None) if trial.arguments is not None else None) for trial in wanted]
     firsts = [(trial, answer, log.of(answer) if answer else None) for trial, answer in taken]
     again = _repeated(taken, log)
-    calls = [_trial(*first, again.get(index, ()), seen.answered) for index, first in enumerate(firsts)]
+    calls = [_sample(*first, again.get(index, ()), seen.answered) for index, first in enumerate(firsts)]
     error = seen.error
     if error and not seen.answered and seen.log.strip():
         error = f"{error}\n{seen.log.strip()[-1500:]}"
@@ -196,7 +196,7 @@ class _Log:
 
 
 def _repeated(
-    taken: Sequence[tuple[Trial, Mapping[str, Any] | None]], log: _Log
+    taken: Sequence[tuple[SampleCall, Mapping[str, Any] | None]], log: _Log
 ) -> dict[int, list[tuple[Any, LoggedCall | None]]]:
     """By the place of a call, what its repetitions gave; turn by turn, as they were made."""
     found: dict[int, list[tuple[Any, LoggedCall | None]]] = {}
@@ -207,26 +207,26 @@ def _repeated(
     return found
 
 
-def _trial(
-    trial: Trial,
+def _sample(
+    sample: SampleCall,
     answer: Mapping[str, Any] | None,
     entry: LoggedCall | None,
     again: Sequence[tuple[Any, LoggedCall | None]],
     answered: bool,
-) -> TrialCall:
-    name, device = trial.tool, trial.device
+) -> SampleCallResult:
+    name, device = sample.tool, sample.device
     if answer is None:
         reason = "no harmless arguments are known" if answered else "the server did not answer"
-        return TrialCall(name, ok=False, skipped=reason, device=device)
+        return SampleCallResult(name, ok=False, skipped=reason, device=device)
     if answer["problem"] == "unknown_tool":
-        return TrialCall(name, ok=False, skipped="the server has no such tool", device=device)
+        return SampleCallResult(name, ok=False, skipped="the server has no such tool", device=device)
     if answer["refused"] is not None:
-        return TrialCall(name, ok=False, skipped=answer["message"], device=device)
+        return SampleCallResult(name, ok=False, skipped=answer["message"], device=device)
     made = [(answer["structured"], entry), *again]
     failed = answer["is_error"] or answer["problem"] is not None
     error_class = _error_class(answer, entry) if failed else None
     message = (entry.message if entry else None) or answer["message"]
-    return TrialCall(
+    return SampleCallResult(
         tool=name,
         ok=not failed,
         error_class=error_class,

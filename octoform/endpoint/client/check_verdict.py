@@ -17,7 +17,7 @@ from octoform.records import dataclass
 
 
 @dataclass(frozen=True, slots=True)
-class TrialCall:
+class SampleCallResult:
     """One test call, and its repetitions.
 
     ``device`` is the one that the call was for, where it is known. ``skipped`` is the reason why there was none.
@@ -51,7 +51,7 @@ class CheckReport:
     protocol: str | None
     server: dict[str, Any] | None
     tools: tuple[dict[str, Any], ...]
-    calls: tuple[TrialCall, ...]
+    calls: tuple[SampleCallResult, ...]
     seconds: float
     survivors: int = 0
     log: str = ""
@@ -87,7 +87,7 @@ def has_content(result: Any) -> bool:
     return result is not None and result not in ("", "unknown")
 
 
-def of_another(call: TrialCall, devices: frozenset[str]) -> str | None:
+def of_another(call: SampleCallResult, devices: frozenset[str]) -> str | None:
     """The id of another device that a result gives for its own; None where it gives its own, or none."""
     for result in call.results if call.device is not None else ():
         if isinstance(result, dict):
@@ -100,7 +100,7 @@ def of_another(call: TrialCall, devices: frozenset[str]) -> str | None:
     return None
 
 
-def unmoved(call: TrialCall) -> str | None:
+def unmoved(call: SampleCallResult) -> str | None:
     """The attribute that moved while three results stayed the same; None where that was not seen."""
     if len(call.results) < 3 or len(call.raw) < 3:
         return None
@@ -212,11 +212,11 @@ _ROOM = frozenset({"PermissionError", "BusBusy", "AmbiguousDevice", "Timeout"})
 """Failures that another user, another moment or another room would not have."""
 
 
-def _silence(calls: Sequence[TrialCall], seen: bool, told: bool) -> list[Diagnostic]:
+def _silence(calls: Sequence[SampleCallResult], seen: bool, is_reported: bool) -> list[Diagnostic]:
     """Not one read tool answered: a server that does nothing, unless the room alone can be why."""
     tried = [call for call in calls if call.skipped is None]
     tools = {call.tool for call in tried}
-    if not tried or told or any(call.ok for call in tried):
+    if not tried or is_reported or any(call.ok for call in tried):
         return []
     summary = f"0 of {len(tools)} read tools answered" if len(tools) > 1 else f"{tried[0].tool} did not answer"
     lines = [f"{call.tool}: {call.error_class}: {call.message}" for call in tried[:10]]
@@ -225,7 +225,7 @@ def _silence(calls: Sequence[TrialCall], seen: bool, told: bool) -> list[Diagnos
     return [(error if wrong else warning)(NOTHING_ANSWERS, summary, detail="\n".join(lines), hint=hint)]
 
 
-def _call(call: TrialCall, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
+def _call(call: SampleCallResult, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
     if call.skipped == LINE:
         summary = f"{call.tool} was not tried: {LINE}"
         return [warning("ENDPOINT-LINE-NOT-TRIED", summary, hint=_KNOWLEDGE)]
@@ -248,7 +248,7 @@ _KNOWLEDGE = (
 _SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"
 
 
-def _failure(call: TrialCall, *, known: bool, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
+def _failure(call: SampleCallResult, *, known: bool, seen: bool, lacked: Lacked | None) -> list[Diagnostic]:
     kind, text = call.error_class or "ToolError", call.message or "no message"
     if kind in ("OutputSchema", "ResultRefused"):
         summary = f"{call.tool} gives a result that its own output schema refuses"
@@ -301,7 +301,7 @@ def _program(kind: str, text: str) -> str | None:
     return found[1] if found else None
 
 
-def _untrue(call: TrialCall, schema: Mapping[str, Any], devices: frozenset[str]) -> list[Diagnostic]:
+def _untrue(call: SampleCallResult, schema: Mapping[str, Any], devices: frozenset[str]) -> list[Diagnostic]:
     """What of the results of a call cannot be true."""
     found = []
     for_device = f"{call.tool} for {call.device}" if call.device else call.tool
@@ -325,7 +325,7 @@ def _is_uniform(picture: Mapping[str, Any]) -> bool:
     return picture["spread"] is not None and picture["spread"] < UNIFORM_SPREAD
 
 
-def _uniform(call: TrialCall, picture: Mapping[str, Any]) -> Diagnostic:
+def _uniform(call: SampleCallResult, picture: Mapping[str, Any]) -> Diagnostic:
     figures = f"brightness {picture['mean']} of 255 on average, spread {picture['spread']}, {picture['bytes']} bytes"
     hint = "check if the lens is covered, the scene dark or the first pictures not flushed"
     return warning("ENDPOINT-PICTURE-UNIFORM", f"{call.tool} gave a picture of one colour", detail=figures, hint=hint)

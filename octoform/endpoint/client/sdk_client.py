@@ -87,10 +87,10 @@ def converse(
         stdin=json.dumps(task),
         fork_server=ForkServer.at(environment.python),
     )
-    return _told(finished)
+    return _report_of(finished)
 
 
-def _told(finished: Finished) -> ClientReport:
+def _report_of(finished: Finished) -> ClientReport:
     log = finished.stderr[-4000:]
     try:
         value = parse(finished.stdout)

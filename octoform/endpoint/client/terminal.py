@@ -19,7 +19,7 @@ from octoform.endpoint.client.jsonrpc import Wire, WireError, save_media, sender
 from octoform.endpoint.dial import down, knock, reach
 from octoform.endpoint.expected_tools import hidden
 from octoform.endpoint.published_files import CHECK, read_manifest
-from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, said
+from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, result_text
 from octoform.records import dataclass
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
@@ -32,7 +32,7 @@ from octoform.state.layout import Layout
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class EndpointState:
     """What was just seen: whether the endpoint answered, else why not, and the names of the tools that it listed."""
 
     answered: bool
@@ -46,13 +46,13 @@ def published(layout: Layout) -> str | None:
     return str(manifest["environment"]) if manifest and "environment" in manifest else None
 
 
-def seen_of(tools: Iterable[str]) -> Sight:
+def seen_of(tools: Iterable[str]) -> EndpointState:
     """An endpoint that answered with these tools."""
-    return Sight(True, None, tuple(sorted(tools)))
+    return EndpointState(True, None, tuple(sorted(tools)))
 
 
-def record_sight(layout: Layout, asked: str | None, sight: Sight) -> None:
-    """Bring the record of the last check up to date where ``sight`` differs from it; the test calls stay.
+def record_state(layout: Layout, asked: str | None, state: EndpointState) -> None:
+    """Bring the record of the last check up to date where ``state`` differs from it; the test calls stay.
 
     ``asked`` is what was `published` when it was asked: when another is published meanwhile, its own check is the
     newer word. A record that cannot be written changes nothing for the person who asked, so that is no problem of
@@ -65,14 +65,14 @@ def record_sight(layout: Layout, asked: str | None, sight: Sight) -> None:
         return  # never checked: a plan says so already
     if not isinstance(known, dict) or published(layout) != asked:
         return
-    seen = {"answered": sight.answered, "error": sight.error, "tools": list(sight.tools)}
+    seen = {"answered": state.answered, "error": state.error, "tools": list(state.tools)}
     if {key: known.get(key) for key in ("answered", "tools")} == {key: seen[key] for key in ("answered", "tools")}:
         return
     document = {**known, **seen, "at": stamp()}
     write_atomic(path, (json.dumps(document, indent=2) + "\n").encode(), 0o600)
 
 
-__all__ = ["CallResult", "Nobody", "Person", "Wanted", "call", "list_tools", "save_media"]
+__all__ = ["CallResult", "NoTerminal", "Person", "Wanted", "call", "list_tools", "save_media"]
 
 LIST_SECONDS = 15.0
 """What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
@@ -134,7 +134,7 @@ class Person(Protocol):
         """Whether the call may be made, as ``message`` asks; None when no one can be asked."""
 
 
-class Nobody:
+class NoTerminal:
     """No one waits, no one can be asked."""
 
     def waiting(self) -> None:
@@ -147,7 +147,7 @@ class Nobody:
         """No one answers: None."""
 
 
-class _NobodyAsked(Exception):
+class _NoOneToAsk(Exception):
     """A question came, and there is no one to ask: no answer is sent, since every one would be a person's word."""
 
 
@@ -178,7 +178,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
     What the tool reports of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
     dead endpoint are diagnostics.
     """
-    somebody = person or Nobody()
+    somebody = person or NoTerminal()
     found = _opened(layout, partial(reach, layout, somebody.waiting, revive=wanted.revive))
     if isinstance(found, Diagnostic):
         return None, (found,)
@@ -191,7 +191,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
         if known is None:
             return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
         return _Call(wire, wanted, somebody).made(known)
-    except _NobodyAsked:
+    except _NoOneToAsk:
         words = "no one could be asked: there is no terminal; -auto-approve approves"
         return None, (error("ENDPOINT-CALL-NOT-APPROVED", f"{wanted.tool} wants an approval", detail=words),)
     except WireError as problem:
@@ -212,9 +212,9 @@ def _opened(
     if isinstance(found, WireError):
         found = down(str(found))
     if not isinstance(found, Diagnostic):
-        record_sight(layout, asked, seen_of(tool["name"] for tool in found[1]))
+        record_state(layout, asked, seen_of(tool["name"] for tool in found[1]))
     elif found.code not in ("ENDPOINT-NOT-APPLIED", "ENDPOINT-STOPPED"):
-        record_sight(layout, asked, Sight(False, found.detail or found.summary))
+        record_state(layout, asked, EndpointState(False, found.detail or found.summary))
     return found
 
 
@@ -271,13 +271,15 @@ class _Call:
         ms = round((time.monotonic() - began) * 1000, 1)
         if not self._answer:
             summary = f"{wanted.tool} was not approved"
-            return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=said(result) or None),)
+            return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=result_text(result) or None),)
         # A tool whose schema has no room for it can only tell of a dry run as an error.
         dry = (result.get("_meta") or {}).get(DRY_RUN) is True
         content, structured = tuple(result.get("content", ())), result.get("structuredContent")
         is_error = bool(result.get("isError")) and not (dry and wanted.dry_run)
         refused = (result.get("_meta") or {}).get(REFUSED)
-        return CallResult(content, structured, is_error, said(result), ms, refused if is_error else None, dry), ()
+        return CallResult(
+            content, structured, is_error, result_text(result), ms, refused if is_error else None, dry
+        ), ()
 
     def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
         """The final result, after every question was answered."""
@@ -306,7 +308,7 @@ class _Call:
             raise WireError("refused", "it asked for what cannot be answered with yes or no")
         answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
         if answer is None:
-            raise _NobodyAsked
+            raise _NoOneToAsk
         self._answer = answer
         if not answer:
             return {"action": "decline"}

@@ -38,16 +38,16 @@ from octoform.state.layout import Layout
 Built = tuple[Environment | None, tuple[Diagnostic, ...]]
 
 
-def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, anew: bool = False) -> Built:
+def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, again: bool = False) -> Built:
     """The environment of this lock, built unless a complete and intact one is there; errors as diagnostics.
 
-    ``anew`` trusts none that is there: what its names do not show may be broken inside. ``timeout`` is in seconds
+    ``again`` trusts none that is there: what its names do not show may be broken inside. ``timeout`` is in seconds
     for the installation. Two builds of one lock wait for each other.
     """
     environment = locate(layout, lock_text)
     private_folder(layout.environments)
     with held(layout.environments / f".{environment.path.name}.lock"):
-        if not anew and not intact(environment):
+        if not again and not intact(environment):
             return environment, ()
         problem = _make(environment, lock_text, timeout) or _seal(environment, lock_text)
         if problem is None:

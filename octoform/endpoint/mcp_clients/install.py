@@ -224,7 +224,7 @@ class Outcome:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
+class ClientState:
     """What is seen of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` tells of the file.
 
     ``current``: what is installed is what would be written now, so it leads to the endpoint.
@@ -256,24 +256,24 @@ def _holds(client: Client, path: Path, server: Server) -> bool:
     return not isinstance(content, Unreadable) and _standing(client, content, server) is not None
 
 
-def look(client: Client, around: Surroundings, server: Server, reach: Reach) -> Sight:
+def look(client: Client, around: Surroundings, server: Server, reach: Reach) -> ClientState:
     """Whether the endpoint is in the client's file; nothing is written."""
     path = file_of(client, around, server)
     found = find(path)
     if isinstance(found, Diagnostic):
-        return Sight(client, path, True, "unreadable", problem=found)
+        return ClientState(client, path, True, "unreadable", problem=found)
     content = merge.NOTATIONS[client.notation].read(found.text)
     if isinstance(content, Unreadable):
-        return Sight(client, path, True, "unreadable", problem=unreadable(path, found.text, content))
+        return ClientState(client, path, True, "unreadable", problem=unreadable(path, found.text, content))
     there = found.data is not None
     way = _standing(client, content, server)
     if way is None:
-        return Sight(client, path, there, "absent")
+        return ClientState(client, path, there, "absent")
     entry = at(content, way)
     if not isinstance(entry, dict) or not server.owns(entry):
-        return Sight(client, path, there, "foreign")
+        return ClientState(client, path, there, "foreign")
     current = _current(client, found.text, entry, server, reach)
-    return Sight(client, path, there, "installed", _transport(entry), current=current)
+    return ClientState(client, path, there, "installed", _transport(entry), current=current)
 
 
 def _current(client: Client, text: str, entry: Mapping[str, Any], server: Server, reach: Reach) -> bool:
@@ -409,13 +409,15 @@ def _refused(found: ConfigFile, reason: Taken | Unreadable, entry: Mapping[str, 
     if not isinstance(reason.entry, dict):
         hint = "nothing was changed; make it a table of servers, or add the entry yourself: octoform connect -print"
         return error("CLIENT-PLACE-TAKEN", f"{dotted} holds something that is no table", hint=hint, **where)
-    lines = [f"in the file: {_said(reason.entry)}"] + ([f"octoform's:  {_said(entry)}"] if entry else [])
+    lines = [f"in the file: {_command_text(reason.entry)}"] + (
+        [f"octoform's:  {_command_text(entry)}"] if entry else []
+    )
     hint = f"nothing was changed; give that entry another name or remove it from {found.path.name}, then try again"
     summary = f"{dotted} is there already and is not octoform's"
     return error("CLIENT-ENTRY-FOREIGN", summary, detail="\n".join(lines), hint=hint, **where)
 
 
-def _said(entry: Mapping[str, Any]) -> str:
+def _command_text(entry: Mapping[str, Any]) -> str:
     """What an entry starts or calls; not its variables and headers, which may be secrets."""
     text = formats.address(entry) or " ".join(formats.words(entry)) or "neither a command nor a URL"
     others = sorted(set(entry) - {"command", "cmd", "args", "url", "uri", "type"})

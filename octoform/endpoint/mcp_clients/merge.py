@@ -221,7 +221,7 @@ def _prompt_steps(
     if client.prompt is None:
         return
     path, element = client.prompt
-    if asked.comes and not _prompt_stands(client, content):
+    if asked.comes and not _has_prompt(client, content):
         yield _Step("append", path, element)
     if asked.goes:
         yield _Step("drop_element", path, element)
@@ -266,19 +266,19 @@ def _redone(client: Client, text: str, content: Mapping[str, Any], path: Path) -
     past = NOTATIONS[client.notation].read(text)
     if isinstance(past, Unreadable) or _there(past, path):
         return None
-    wish = Wish(path[:-1], path[-1], at(content, path), _prompt_stands(client, content))
+    wish = Wish(path[:-1], path[-1], at(content, path), _has_prompt(client, content))
     done = merge(client, text, wish, lambda _: False)
     return done if isinstance(done, Edited) else None
 
 
-def _prompt_stands(client: Client, content: Mapping[str, Any]) -> bool:
+def _has_prompt(client: Client, content: Mapping[str, Any]) -> bool:
     return client.prompt is not None and client.prompt[1] in (at(content, client.prompt[0]) or [])
 
 
 def _prompt_goes(client: Client, content: Mapping[str, Any], path: Path) -> bool:
     """The question for the token goes with the last server that uses its answer."""
     rest = json.dumps(_wanted(content, path, None), default=str)
-    return _prompt_stands(client, content) and client.reference is not None and client.reference not in rest
+    return _has_prompt(client, content) and client.reference is not None and client.reference not in rest
 
 
 def _set_prompt(client: Client, content: dict[str, Any], asked: _Prompt) -> None:

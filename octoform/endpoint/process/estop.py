@@ -65,7 +65,7 @@ def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop
     original = of_another(layout) if direct and is_copy(layout) else None
     if original is not None:
         # The devices are those of the original's endpoint, which is not asked from here.
-        return _told(layout, {"ok": False}, [f"{original.summary}; {original.hint}"], direct)
+        return _result(layout, {"ok": False}, [f"{original.summary}; {original.hint}"], direct)
     if answer is None or direct:
         answer = offline_commands.ask(layout, verb, asked)
         process = running(layout)
@@ -74,11 +74,11 @@ def _done(layout: Layout, op: str, verb: str, asked: Mapping[str, Any]) -> Estop
                 f"the endpoint runs (pid {process.pid}) but did not answer, so what it is doing now was not "
                 "interrupted; octoform stop ends it"
             )
-    return _told(layout, answer, problems, direct)
+    return _result(layout, answer, problems, direct)
 
 
-def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct: bool) -> Estop:
-    lasting = is_latched(layout)
+def _result(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct: bool) -> Estop:
+    lasting = is_engaged(layout)
     # What a program of octoform's own held in its memory has ended with that program.
     latched = bool(answer.get("latched")) and (lasting or not direct)
     estop = (answer.get("estop") if latched or answer.get("ok") else None) or {}
@@ -99,7 +99,7 @@ def _told(layout: Layout, answer: Mapping[str, Any], problems: list[str], direct
     )
 
 
-def is_latched(layout: Layout) -> bool:
+def is_engaged(layout: Layout) -> bool:
     """Whether the latch is on the disk; a place that cannot be looked at counts as engaged, as for the gate."""
     try:
         os.lstat(layout.run / LATCH)

@@ -23,7 +23,7 @@ _LINE = 64 * 1024
 _ERROR_MARKS = (b'"ok": false', b'"ok":false', b"Traceback", b"rror", b"refused", b"Exception")
 
 
-def set_aside(path: Path, *, held_open: bool) -> int:
+def rotate(path: Path, *, held_open: bool) -> int:
     """Make ``path`` its own first archive, and give its size in bytes; OSError when the system refuses.
 
     ``held_open``: a process has it open and goes on writing to it.

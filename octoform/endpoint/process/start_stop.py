@@ -225,7 +225,7 @@ class _Detached:
 
 def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | None]:
     private_folder(layout.logs)
-    _set_aside(layout.server_log)
+    _rotate(layout.server_log)
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
     begun: _Begun = systemd.started(layout) or _Detached(layout)
@@ -246,16 +246,16 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     return None, _failed(layout, mark, "it takes no clients")
 
 
-def _set_aside(log: Path) -> None:
+def _rotate(log: Path) -> None:
     """A log that has grown large makes room for a new one."""
     try:
         if log.lstat().st_size <= LARGE_LOG:
             return
     except FileNotFoundError:
         return
-    from octoform.endpoint.process.log_rotation import set_aside  # here, so that a client's pipe does not load it
+    from octoform.endpoint.process.log_rotation import rotate  # here, so that a client's pipe does not load it
 
-    set_aside(log, held_open=False)
+    rotate(log, held_open=False)
 
 
 def _private(path: Path) -> int:

@@ -22,7 +22,7 @@ def as_tool(wire: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def said(wire: Mapping[str, Any]) -> str:
+def result_text(wire: Mapping[str, Any]) -> str:
     """The texts of a result, bounded."""
     content = wire.get("content", [])
     return "\n".join(item.get("text", "") for item in content if item.get("type") == "text")[:LONGEST]

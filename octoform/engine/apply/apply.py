@@ -19,7 +19,7 @@ from octoform.endpoint.access.tunnel import no_tunnel, through, tunnel_opened
 from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
 from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.endpoint.environment.build import prewarmed
-from octoform.endpoint.expected_tools import shown
+from octoform.endpoint.expected_tools import display
 from octoform.endpoint.process import record as desired_state
 from octoform.engine.apply import approval
 from octoform.engine.apply.session import HostRefused, Locked, Means, commit_run, context_of, locked, logging_to, opened
@@ -125,9 +125,9 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
     facts = observe_endpoint(layout)
     if interface is None or facts.reasons or facts.process is None:
         return None
-    tools = shown(layout, interface)["tools"]
+    tools = display(layout, interface)["tools"]
     readers = [tool for tool in tools if tool["effect"] == "read"]
-    calls = _trial_calls(layout)
+    calls = _sample_calls(layout)
     good = answering(calls)
     easy = [tool["name"] for tool in readers if not tool["input_schema"].get("required")]
     return EndpointSummary(
@@ -135,7 +135,7 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
         scope=facts.process.scope,
         url=facts.process.url,
         tools=tuple(tool["name"] for tool in tools),
-        answered=_said(calls, good),
+        answered=_failed_calls(calls, good),
         token=next((token.name for token in listed(layout)[0] if not token.ended), None),
         denied=len(interface["tools"]) - len(tools),
         example=next((name for name in good if name in easy), easy[0] if easy else None),
@@ -182,13 +182,13 @@ def _silent(layout: Layout, result: RunResult, recorded: bool) -> str:
     """
     if any(item.code == NOTHING_ANSWERS for item in result.diagnostics):
         return "no read tool answered"
-    calls = _trial_calls(layout) if not recorded and (result.added or result.changed) else []
+    calls = _sample_calls(layout) if not recorded and (result.added or result.changed) else []
     tried = {call["tool"] for call in calls if call.get("skipped") is None}
     failed = {call["tool"] for call in calls if call.get("skipped") is None and not call.get("ok")}
     return f"{len(failed)} of {len(tried)} read tools did not answer" if 2 * len(failed) > len(tried) else ""
 
 
-def _trial_calls(layout: Layout) -> list[dict[str, Any]]:
+def _sample_calls(layout: Layout) -> list[dict[str, Any]]:
     """The calls of the last check; empty when there was none."""
     path = layout.endpoint / "check.json"
     try:
@@ -199,7 +199,7 @@ def _trial_calls(layout: Layout) -> list[dict[str, Any]]:
     return calls
 
 
-def _said(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
+def _failed_calls(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
     """A read tool that answered in the last check, for the closing lines."""
     if not good:
         return None

@@ -19,7 +19,7 @@ from octoform.diagnostics import Diagnostic, Severity, error, from_json
 from octoform.harness import transcript
 from octoform.harness.containment import orphans
 from octoform.harness.event_parser import field, json_object
-from octoform.harness.port import Closed, ExitReason, ToolCalled, ToolReturned, Trouble
+from octoform.harness.port import Closed, ExitReason, ModelProblem, ToolCalled, ToolReturned
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.protocol import STEP, step_paths
@@ -55,7 +55,7 @@ class Attempt:
     state: str
     began: str
     record: AttemptRecord | None
-    told: AttemptRecord
+    facts: AttemptRecord
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
@@ -99,12 +99,12 @@ class Detail:
         return sum(1 for item in self.moments if isinstance(item.event, ToolReturned) and item.event.failed)
 
     @property
-    def troubles(self) -> list[tuple[float, Trouble | Closed]]:
+    def problems(self) -> list[tuple[float, ModelProblem | Closed]]:
         """What the model's side complained of, and the program's last words where it was not content."""
         return [
             (item.at, item.event)
             for item in self.moments
-            if isinstance(item.event, Trouble) or (isinstance(item.event, Closed) and not item.event.ok)
+            if isinstance(item.event, ModelProblem) or (isinstance(item.event, Closed) and not item.event.ok)
         ]
 
 

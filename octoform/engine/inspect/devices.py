@@ -22,7 +22,7 @@ from octoform.engine.plan.configuration import compile_project
 from octoform.host import SYSROOT_VARIABLE
 from octoform.records import dataclass
 from octoform.state.artifact_cache import classes_of, read_instances
-from octoform.state.files import read_regular, shown
+from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0
@@ -96,7 +96,7 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
     absent = next((stage for stage in ("probe", "identify") if not artifacts[stage]), None)
     if absent is not None:
         hint = "run `octoform apply`; `-target identify` is enough to see the devices"
-        path = shown(layout.output(absent))
+        path = display(layout.output(absent))
         return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
     ledger, result = read_instances(layout)
     listed = replace(_listed(layout, artifacts, ledger, environ), offers=device_knowledge.offered(artifacts, compiled))
@@ -165,10 +165,10 @@ def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, lis
         answers = files.parse(ended.stdout)
     except (OSError, ValueError, subprocess.SubprocessError):
         return {}  # the rows say that it is not known
-    return {name: _told(answer) for name, answer in answers.items()}
+    return {name: _attached(answer) for name, answer in answers.items()}
 
 
-def _told(answer: Mapping[str, Any]) -> Attached:
+def _attached(answer: Mapping[str, Any]) -> Attached:
     fields = {field: answer[field] for field in ("attached", "port", "strength", "doubt")}
     return Attached(**fields, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))
 

@@ -86,14 +86,14 @@ class Compiled:
 
 
 def compile_project(
-    project: Path, environ: Mapping[str, str], *, told: bool = True
+    project: Path, environ: Mapping[str, str], *, named: bool = True
 ) -> tuple[Compiled | None, list[Diagnostic]]:
     """The compiled project of a folder, or the diagnostics; warnings come along with a result.
 
-    Without ``told`` it is compiled as if no person had said anything of the hardware (Tier 1).
+    Without ``named`` it is compiled as if no person had said anything of the hardware (Tier 1).
     """
     manifest, found = load_manifest(project / MANIFEST, environ)
-    if manifest is not None and not told:
+    if manifest is not None and not named:
         manifest = replace(manifest, profiles=(), answers={}, privileged_steps=())
     specs, more = load_specs(project / "protocol")
     found = [*found, *more]

@@ -10,7 +10,7 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.graph.model import ANSWER
 from octoform.manifest.profile_paths import shipped
 from octoform.plan.diff import Prior
-from octoform.plan.model import Action, NearProfile, OpenQuestion, ProfileUse, ToldDevice
+from octoform.plan.model import Action, NamedDevice, NearProfile, OpenQuestion, ProfileUse
 from octoform.profiles import Profile, contributions, load, match_rule, near
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.selection import attached, commands, devices_of
@@ -47,12 +47,12 @@ def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQue
     )
 
 
-def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[str, Prior]) -> tuple[ToldDevice, ...]:
+def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[str, Prior]) -> tuple[NamedDevice, ...]:
     """The devices that IDENTIFY could name, each with its tier, as of what was said when it was accepted."""
     answers = accepted_answers(prior)
     descriptions = {profile.name for profile in profiles if profile.describes}
     return tuple(
-        ToldDevice(
+        NamedDevice(
             device=device["id"],
             name=device["identified_as"],
             tier=tier(device, answers, descriptions),

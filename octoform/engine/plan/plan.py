@@ -26,7 +26,7 @@ from octoform.harness.containment.sandbox import kernel, missing_walls, unconfin
 from octoform.manifest.model import MODEL_FREE, STEP, HarnessSpec, Manifest
 from octoform.perception.camera_selection import best, cameras
 from octoform.plan import model, planfile
-from octoform.plan.diff import Offer, Offers, Tool, Wishes, changes, diff, with_loans
+from octoform.plan.diff import Offer, Offers, Tool, Wishes, changes, diff, with_reuse
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, StepOutlook
 from octoform.profiles import Profile, near
 from octoform.profiles.selection import devices_of
@@ -204,7 +204,7 @@ def _doubts(outlook: Outlook) -> list[Diagnostic]:
 
 def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook | None, list[Diagnostic]]:
     """Compile, open the state, look, compare. ``store`` is given by apply, which holds the lock."""
-    compiled, found = compile_project(request.project, request.environ, told=not request.tier1)
+    compiled, found = compile_project(request.project, request.environ, named=not request.tier1)
     if compiled is None:
         return None, found
     found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
@@ -308,7 +308,7 @@ def _construction(request: Request, compiled: Compiled, situation: Situation) ->
     actions = diff(compiled.graph, situation.prior, situation.observed, wishes)
     if not request.reuse or not any(action.calls_agent for action in actions):
         return actions
-    return with_loans(compiled.graph, actions, situation.prior, offers(compiled.layout))
+    return with_reuse(compiled.graph, actions, situation.prior, offers(compiled.layout))
 
 
 def _steps(compiled: Compiled, situation: Situation, actions: tuple[PlannedAction, ...]) -> tuple[StepOutlook, ...]:

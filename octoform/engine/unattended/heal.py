@@ -19,7 +19,7 @@ from octoform.endpoint.process.record import is_marked
 from octoform.engine.tools import layout_of
 from octoform.engine.unattended.rediscover import Left, redeploy, rediscover
 from octoform.engine.unattended.repairs import restore
-from octoform.engine.unattended.session import on_duty, ready
+from octoform.engine.unattended.session import ready, run_task
 from octoform.harness.port import Usage
 from octoform.harness.watcher import added
 from octoform.manifest.loader import load
@@ -40,22 +40,24 @@ def heal(
     is as that of `diagnose`: ``action`` is what was done, ``changed`` is True where another server or another set of
     packages is in service, ``again`` False where only a person can help.
     """
-    answer = on_duty(project, environ, healing.HEAL, lambda context: _done(context, healing.heal, brief), ports)
+    answer = run_task(project, environ, healing.HEAL, lambda context: _done(context, healing.heal, brief), ports)
     act = ACTIONS.get(answer.action or "")
     layout, _ = layout_of(project, environ)
     if not answer.ok or act is None or layout is None:
-        return answer.told()
-    if estop.is_latched(layout):
+        return answer.to_document()
+    if estop.is_engaged(layout):
         held = DutyOutcome(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
-        return _joined(answer, held).told()
-    return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).told()
+        return _joined(answer, held).to_document()
+    return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).to_document()
 
 
 def roll_back(
     project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
 ) -> dict[str, Any]:
     """Put the server back that an incident's repair has replaced; ``brief`` is ``{episode, reason}``."""
-    return on_duty(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports).told()
+    return run_task(
+        project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports
+    ).to_document()
 
 
 def waiting_rewrite(project: Path, environ: Mapping[str, str], identity: str) -> pending_rewrite.Rewrite | None:
@@ -79,7 +81,7 @@ def decide_rewrite(
         return found[0]
     if not yes:
         return pending_rewrite.forget(layout, rewrite.id)
-    answer = on_duty(
+    answer = run_task(
         project, environ, CONFIRM, lambda context: _done(context, lambda here, _: healing.confirm(here, rewrite), {})
     )
     if answer.ok:
@@ -92,7 +94,7 @@ def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
     """Finish or take back what a killed repair or step has left in service; None when it has left nothing."""
     if not is_left(layout) or is_marked(layout):
         return None
-    return on_duty(layout.project, environ, SETTLE, _settled).told()
+    return run_task(layout.project, environ, SETTLE, _settled).to_document()
 
 
 def _settled(context: Context) -> DutyOutcome:

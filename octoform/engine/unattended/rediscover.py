@@ -111,17 +111,17 @@ def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: 
     not there before.
     """
     if is_marked(layout):
-        return _told(False, "a person has stopped the endpoint; what changed waits for octoform apply", again=False)
+        return _document(False, "a person has stopped the endpoint; what changed waits for octoform apply", again=False)
     settle(root_from_environment(environ))
     request = Request(layout.project, environ)
     if apply == AUTO:
         return _carried_out(layout, request, left)
     outlook, found = prepare(request)
     if outlook is None:
-        return _told(False, f"there is no plan: {_words(found)}", again=False)
+        return _document(False, f"there is no plan: {_words(found)}", again=False)
     mine = _Consent(layout, apply, left)
     mine(outlook)
-    return mine.answer or _told(True, "the hardware is what PROBE saw")
+    return mine.answer or _document(True, "the hardware is what PROBE saw")
 
 
 class _Consent:
@@ -140,17 +140,17 @@ class _Consent:
         """True when it may be done; what the host has before it is remembered then."""
         self.free = not any(item.calls_model for item in outlook.plan.work)
         if outlook.compiled.layout.host != self._layout.host:
-            self.answer = _told(False, f"the manifest is of host {outlook.compiled.layout.host} now", again=False)
+            self.answer = _document(False, f"the manifest is of host {outlook.compiled.layout.host} now", again=False)
         elif not any(item.node == "probe" for item in outlook.plan.work):
             approval.withdraw(self._layout)
-            self.answer = _told(True, "the hardware is what PROBE saw")
+            self.answer = _document(True, "the hardware is what PROBE saw")
         elif why := (*_asking(self._apply), *objections(outlook), *shortages(outlook, self._left)):
             self.answer = _asked(self._layout, outlook, why)
         else:
             self.former = remember(self._layout, outlook.snapshot)
             problem = keep(self.former) if self.former is not None else None
             if problem is not None:
-                self.answer = _told(False, f"what there is cannot be kept, so nothing is begun: {problem.summary}")
+                self.answer = _document(False, f"what there is cannot be kept, so nothing is begun: {problem.summary}")
         return self.answer is None
 
 
@@ -201,27 +201,29 @@ def _carried_out(layout: Layout, request: Request, left: Left) -> dict[str, Any]
         return mine.answer
     spent = _spent(result, free=mine.free)
     if result.failed is None and mine.former is None and not result.agent_runs:
-        return _told(True, "the hardware is what PROBE saw")
+        return _document(True, "the hardware is what PROBE saw")
     if result.failed is None:
         forget(layout)
         tools = len(result.endpoint.tools) if result.endpoint is not None else 0
         return {
-            **_told(True, f"{result.changed + result.alike + result.added} nodes were made again, {tools} tools now"),
+            **_document(
+                True, f"{result.changed + result.alike + result.added} nodes were made again, {tools} tools now"
+            ),
             **spent,
         }
     why = f"{result.failed} failed: {_words(result.diagnostics)}"
     if mine.former is None and result.failed in _BEFORE:
-        return {**_told(False, why), **spent}
+        return {**_document(False, why), **spent}
     return {**_undone(mine.former, why), **spent}
 
 
 def _undone(former: Former | None, why: str) -> dict[str, Any]:
     if former is None:
-        return _told(False, f"{why}; before it the host was not whole, so octoform apply goes on from here")
+        return _document(False, f"{why}; before it the host was not whole, so octoform apply goes on from here")
     problems = go_back(former)
     if has_errors(problems):
-        return _told(False, f"{why}; it could not be taken back: {_words(problems)}", again=False)
-    return _told(False, f"{why}; everything is as it was before, and the former endpoint serves")
+        return _document(False, f"{why}; it could not be taken back: {_words(problems)}", again=False)
+    return _document(False, f"{why}; everything is as it was before, and the former endpoint serves")
 
 
 def _asked(layout: Layout, outlook: Outlook, why: tuple[str, ...]) -> dict[str, Any]:
@@ -230,8 +232,8 @@ def _asked(layout: Layout, outlook: Outlook, why: tuple[str, ...]) -> dict[str, 
     question = approval.Question(tuple(hardware), tuple(item.node for item in plan.work), why)
     fresh, problem = approval.ask(layout, question)
     if problem is not None:
-        return _told(False, f"{question.text}; the question could not be kept: {problem.summary}")
-    return {**_told(False, question.text, again=False), "asked": fresh}
+        return _document(False, f"{question.text}; the question could not be kept: {problem.summary}")
+    return {**_document(False, question.text, again=False), "asked": fresh}
 
 
 def _spent(result: RunResult, *, free: bool) -> dict[str, Any]:
@@ -241,7 +243,7 @@ def _spent(result: RunResult, *, free: bool) -> dict[str, Any]:
     return {"spent": {"calls": result.agent_runs, **tokens, "usd": usd}}
 
 
-def _told(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
+def _document(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
     return {"ok": ok, "detail": detail, "again": again, "asked": False}
 
 

@@ -18,15 +18,15 @@ from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import packages
 from octoform.endpoint.environment.model import Environment, at, locate, packages_of
 from octoform.endpoint.environment.wheel_records import altered
-from octoform.endpoint.expected_tools import shown as shown_tools
+from octoform.endpoint.expected_tools import display as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CLIENTS, LAUNCHER
 from octoform.records import dataclass
 from octoform.state import artifact_cache, git_repository
 from octoform.state.accepted import observe
-from octoform.state.artifact_cache import Damage, damage_of, read_instances, set_aside
-from octoform.state.files import read_regular, shown, write_atomic
+from octoform.state.artifact_cache import Damage, damage_of, move_aside, read_instances
+from octoform.state.files import display, read_regular, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot, Status
 from octoform.state.store.lock import Waiting, acquire
@@ -51,7 +51,7 @@ SERVE = "serve"
 
 
 @dataclass
-class Mended:
+class Restored:
     """What became of it, in sentences: what was put ``back``, what was ``left`` and why, where the former lies."""
 
     back: list[str] = field(default_factory=list)
@@ -69,9 +69,9 @@ class Mended:
         return "; ".join([*lines, *self.left, *self.failed, *self.lost])
 
 
-def mend_artifacts(layout: Layout) -> Mended:
+def restore_artifacts(layout: Layout) -> Restored:
     """Put every damaged accepted artifact back. The caller holds the state's lock."""
-    done = Mended()
+    done = Restored()
     store, found = StateStore.open(layout)
     if store is None or has_errors(found):
         done.lost.append(f"the state cannot be read: {_file_words(found)}; octoform state explains how to recover it")
@@ -88,7 +88,7 @@ def mend_artifacts(layout: Layout) -> Mended:
                 "octoform plan shows what apply would do"
             )
             continue
-        _mend_folder(layout, layout.folder(node), files, done, hold=node != SERVE or _holds(layout))
+        _restore_folder(layout, layout.folder(node), files, done, hold=node != SERVE or _holds(layout))
     return done
 
 
@@ -98,24 +98,24 @@ def _committed(layout: Layout, node: str, wanted: str) -> dict[str, bytes] | Non
     return next((files for files in versions if files and artifact_cache.folder_digest(files) == wanted), None)
 
 
-def mend_endpoint(layout: Layout) -> Mended:
+def restore_endpoint(layout: Layout) -> Restored:
     """Put every damaged file of the endpoint, and the ledger of instances, back as it was published or written last."""
-    done = Mended()
+    done = Restored()
     files = artifact_cache.kept(layout, artifact_cache.ENDPOINT)
     if files is None:
         done.lost.append("no copy of the endpoint's files is kept; octoform apply writes them again")
     else:
         owned = {name: data for name, data in files.items() if not name.startswith(f"{CLIENTS}/")}
-        _mend_folder(layout, layout.endpoint, owned, done, hold=False)
+        _restore_folder(layout, layout.endpoint, owned, done, hold=False)
         fields = {name: data for name, data in files.items() if name not in owned}
-        _mend_folder(layout, layout.endpoint, fields, done, hold=True)
+        _restore_folder(layout, layout.endpoint, fields, done, hold=True)
     instances = artifact_cache.kept(layout, artifact_cache.INSTANCES)
     if instances is not None and read_instances(layout)[0] is None:
-        _mend_folder(layout, layout.local, instances, done, hold=False)
+        _restore_folder(layout, layout.local, instances, done, hold=False)
     return done
 
 
-def _accepted(layout: Layout, snapshot: Snapshot, done: Mended) -> dict[str, str]:
+def _accepted(layout: Layout, snapshot: Snapshot, done: Restored) -> dict[str, str]:
     """Node to the digest of its files, as far as they may be put back."""
     found = {}
     adopting = os.path.lexists(layout.local / ADOPTING)
@@ -134,7 +134,7 @@ def _holds(layout: Layout) -> bool:
     return running(layout) is not None or is_marked(layout)
 
 
-def _mend_folder(layout: Layout, folder: Path, files: artifact_cache.Files, done: Mended, *, hold: bool) -> None:
+def _restore_folder(layout: Layout, folder: Path, files: artifact_cache.Files, done: Restored, *, hold: bool) -> None:
     """Put the damaged ones of these files back; an edited one only where nothing has to ``hold`` it."""
     stamp = clock.stamp(digits=6)
     _free(layout, folder, stamp, done)
@@ -147,49 +147,49 @@ def _mend_folder(layout: Layout, folder: Path, files: artifact_cache.Files, done
             _start_again(layout, path, done)
             continue
         if why is Damage.EDITED and hold:
-            done.left.append(f"{shown(path)} was edited and stays; octoform plan shows it")
+            done.left.append(f"{display(path)} was edited and stays; octoform plan shows it")
             continue
         _put_back(layout, path, data, (stamp, why), done)
 
 
-def _put_back(layout: Layout, path: Path, data: bytes, why: tuple[str, Damage], done: Mended) -> None:
-    aside, problem = set_aside(layout, path, *why)
+def _put_back(layout: Layout, path: Path, data: bytes, why: tuple[str, Damage], done: Restored) -> None:
+    aside, problem = move_aside(layout, path, *why)
     if problem is None:
         try:
             path.parent.mkdir(mode=0o700 if path.is_relative_to(layout.local) else 0o755, parents=True, exist_ok=True)
         except OSError as fault:
-            done.failed.append(f"{shown(path)}: {fault.strerror}")
+            done.failed.append(f"{display(path)}: {fault.strerror}")
             return
         problem = write_atomic(path, data, _mode(layout, path))
     if problem is not None:
-        done.failed.append(f"{shown(path)}: {problem.summary}")
+        done.failed.append(f"{display(path)}: {problem.summary}")
         return
-    done.back.append(f"{shown(path)} ({why[1]})")
+    done.back.append(f"{display(path)} ({why[1]})")
     if aside is not None:
-        done.aside.append(shown(aside))
+        done.aside.append(display(aside))
 
 
-def _start_again(layout: Layout, path: Path, done: Mended) -> None:
+def _start_again(layout: Layout, path: Path, done: Restored) -> None:
     """A launcher with the right bytes that no one can start is as good as none."""
     if path != layout.endpoint / LAUNCHER or os.access(path, os.X_OK):
         return
     try:
         path.chmod(_mode(layout, path))
     except OSError as fault:
-        done.failed.append(f"{shown(path)}: {fault.strerror}")
+        done.failed.append(f"{display(path)}: {fault.strerror}")
     else:
-        done.back.append(f"{shown(path)} (not executable)")
+        done.back.append(f"{display(path)} (not executable)")
 
 
-def _free(layout: Layout, folder: Path, stamp: str, done: Mended) -> None:
+def _free(layout: Layout, folder: Path, stamp: str, done: Restored) -> None:
     """Move aside what is where a folder should be."""
     if not os.path.lexists(folder) or (folder.is_dir() and not folder.is_symlink()):
         return
-    aside, problem = set_aside(layout, folder, stamp, Damage.LINK)
+    aside, problem = move_aside(layout, folder, stamp, Damage.LINK)
     if aside is not None:
-        done.aside.append(shown(aside))
+        done.aside.append(display(aside))
     elif problem is not None:
-        done.failed.append(f"{shown(folder)}: {problem.summary}")
+        done.failed.append(f"{display(folder)}: {problem.summary}")
 
 
 def _mode(layout: Layout, path: Path) -> int:
@@ -219,7 +219,7 @@ class Repaired:
 
 def restore(layout: Layout) -> Repaired:
     """Put the damaged accepted artifacts and the endpoint's own files back."""
-    return _locked(layout, "restore", lambda: _mended(mend_artifacts(layout), mend_endpoint(layout)))
+    return _locked(layout, "restore", lambda: _repaired(restore_artifacts(layout), restore_endpoint(layout)))
 
 
 def republish(layout: Layout) -> Repaired:
@@ -240,7 +240,7 @@ def _locked(layout: Layout, operation: str, work: Callable[[], Repaired]) -> Rep
         return work()
 
 
-def _mended(*parts: Mended) -> Repaired:
+def _repaired(*parts: Restored) -> Repaired:
     text = "; ".join(filter(None, (part.text for part in parts)))
     if not text:
         return Repaired(True, "every file is as it was accepted")
@@ -252,7 +252,7 @@ def _mended(*parts: Mended) -> Repaired:
 
 
 def _republished(layout: Layout) -> Repaired:
-    done = _mended(mend_endpoint(layout))
+    done = _repaired(restore_endpoint(layout))
     if not done.ok or is_marked(layout):
         return done
     interface, _ = read_regular(layout.output("interface"))
@@ -267,19 +267,19 @@ def _republished(layout: Layout) -> Repaired:
 
 
 def _rebuilt(layout: Layout) -> Repaired:
-    files = mend_artifacts(layout)  # the lock itself may be what is damaged
+    files = restore_artifacts(layout)  # the lock itself may be what is damaged
     lock, problem = read_regular(layout.requirements_lock)
     if lock is None:
         return Repaired(False, _words([problem]) if problem else f"the lock of the endpoint is gone; {files.text}")
     started = time.monotonic()
     text = lock.decode("utf-8", "replace")
-    environment, problems = _anew(layout, text)
+    environment, problems = _built_again(layout, text)
     wrong = altered(packages_of(environment.path)) if environment is not None else []
     if wrong:
         # An environment shares its files with the package tool's cache, so what was written into one is in both.
         damaged = sorted({item.partition(":")[0] for item in wrong})
         packages(["cache", "clean", *damaged], layout.environments, CLEAN_SECONDS)
-        environment, problems = _anew(layout, text)
+        environment, problems = _built_again(layout, text)
         wrong = altered(packages_of(environment.path)) if environment is not None else []
     if environment is None:
         return Repaired(False, f"the environment cannot be built, and is as it was: {_words(problems)}")
@@ -289,7 +289,7 @@ def _rebuilt(layout: Layout) -> Repaired:
     return _restarted(layout, detail)
 
 
-def _anew(layout: Layout, lock: str) -> tuple[Environment | None, tuple[Diagnostic, ...]]:
+def _built_again(layout: Layout, lock: str) -> tuple[Environment | None, tuple[Diagnostic, ...]]:
     """A new environment in the place of the one that is there, which comes back when there is no new one."""
     place = locate(layout, lock).path
     aside = place.with_name(f".{place.name}.damaged")
@@ -299,7 +299,7 @@ def _anew(layout: Layout, lock: str) -> tuple[Environment | None, tuple[Diagnost
         shutil.rmtree(aside, ignore_errors=True)
         if place.exists():
             place.rename(aside)  # a folder, into a free place: no file is replaced
-    built, problems = build(layout, lock, BUILD_SECONDS, anew=True)
+    built, problems = build(layout, lock, BUILD_SECONDS, again=True)
     if built is None and aside.exists():
         shutil.rmtree(place, ignore_errors=True)
         aside.rename(place)

@@ -15,10 +15,10 @@ from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
 from octoform.apply.watch import WATCH, watch
-from octoform.claims.settings import bounds_told
+from octoform.claims.settings import bound_documents
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process.record import is_marked
-from octoform.endpoint.publication import is_published, tells_of
+from octoform.endpoint.publication import is_published, is_published_for
 from octoform.engine.apply.session import (
     HostRefused,
     Locked,
@@ -47,7 +47,7 @@ LOCK_SECONDS = 30.0
 Work = Callable[[Context], DutyOutcome]
 
 
-def on_duty(
+def run_task(
     project: Path, environ: Mapping[str, str], operation: str, work: Work, ports: Ports | None = None
 ) -> DutyOutcome:
     """Do the work under the lock of the host's state; what is in the way is an answer too.
@@ -61,7 +61,7 @@ def on_duty(
         there = opened(held.compiled, ports)
         if isinstance(there, HostRefused):
             return refusal(there.diagnostics)
-        with logging_to(held.compiled.layout.call_log, Clock(), _nobody) as emit:
+        with logging_to(held.compiled.layout.call_log, Clock(), _no_sink) as emit:
             sweep(held.compiled.layout.attempts)
             for text in (*held.notices, *there.undone, *there.finished):
                 emit(Notice(operation, text))
@@ -132,7 +132,7 @@ def ready(context: Context) -> list[Diagnostic]:
     return [*found, error("DUTY-CHANGED", summary, hint=hint)]
 
 
-def _nobody(_: Event) -> None:
+def _no_sink(_: Event) -> None:
     """No one watches a background task; the execution log has it."""
 
 
@@ -146,7 +146,7 @@ def diagnose(project: Path, environ: Mapping[str, str], brief: Mapping[str, Any]
     The result is ``{ok, detail, again, spent, report, action, changed}``; ``report`` is the accepted output, None when
     there is none: then how the deployment is stays unknown. Nothing of the host is changed.
     """
-    return on_duty(project, environ, WATCH, lambda context: watch(context, brief)).told()
+    return run_task(project, environ, WATCH, lambda context: watch(context, brief)).to_document()
 
 
 # What the project's profiles call clean of what its tools measure, for the ledger of claims.
@@ -162,7 +162,7 @@ def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
         return []
     grammars = [(profile.name, profile.grammar) for profile in compiled.profiles]
     registers = [(name, one.registers) for name, one in grammars if isinstance(one, RegisterGrammar)]
-    return bounds_told(compiled.layout, [(name, one.protect) for name, one in registers if one.protect is not None])
+    return bound_documents(compiled.layout, [(name, one.protect) for name, one in registers if one.protect is not None])
 
 
 # An endpoint of this folder's own, where the one that is there was written for another: a copy, a moved one. (Heavy.)
@@ -173,12 +173,12 @@ def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
 
 def take_over(layout: Layout, environ: Mapping[str, str], foreign: Diagnostic) -> Diagnostic | None:
     """Write the endpoint for this folder and start it; ``foreign`` with the reason where that cannot be."""
-    done = on_duty(layout.project, environ, "start", _published)
+    done = run_task(layout.project, environ, "start", _published)
     return None if done.ok else replace(foreign, detail=done.detail)
 
 
 def _published(context: Context) -> DutyOutcome:
-    if not tells_of(context.layout, service_of(context), context.environ):
+    if not is_published_for(context.layout, service_of(context), context.environ):
         return DutyOutcome(
             ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were"
         )

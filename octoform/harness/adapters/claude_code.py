@@ -15,17 +15,17 @@ from typing import Any, ClassVar
 from octoform.base import files
 from octoform.harness.adapters.program import Launch, ProgramHarness, command_seconds
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -195,7 +195,7 @@ class ClaudeCodeDialect:
             return
         for part in _parts(message):
             if field(part, "type") == "text" and field(part, "text"):
-                yield Said(one_line(field(part, "text")))
+                yield Output(one_line(field(part, "text")))
             elif field(part, "type") == "tool_use":
                 yield ToolCalled(one_line(field(part, "name") or "?"), _argument(field(part, "input")))
         identity = field(message, "id")
@@ -216,12 +216,12 @@ def _returned(message: object) -> Iterable[AgentEvent]:
             yield ToolReturned(field(part, "is_error") is True)
 
 
-def _retry(value: object) -> Trouble:
+def _retry(value: object) -> ModelProblem:
     """Without a status there was no answer at all."""
     status = count(value, "error_status")
     if status is None:
-        return Trouble(ExitReason.UNREACHABLE, "the request to the model came to nothing")
-    return trouble(f"{field(value, 'error')}: HTTP status {status}", status)
+        return ModelProblem(ExitReason.UNREACHABLE, "the request to the model came to nothing")
+    return problem(f"{field(value, 'error')}: HTTP status {status}", status)
 
 
 def _result(value: object) -> Iterable[AgentEvent]:
@@ -229,15 +229,15 @@ def _result(value: object) -> Iterable[AgentEvent]:
     subtype = field(value, "subtype")
     text = one_line(field(value, "result") or field(value, "errors") or subtype or "")
     if subtype == "error_max_turns":
-        yield Trouble(ExitReason.TURN_LIMIT, "the program's own limit of turns was reached", final=True)
+        yield ModelProblem(ExitReason.TURN_LIMIT, "the program's own limit of turns was reached", final=True)
     elif field(value, "is_error") is False:
         yield Closed(ok=True, text=text)
     elif field(value, "api_error") == "connection_failed":
-        yield Trouble(ExitReason.UNREACHABLE, text, final=True)
+        yield ModelProblem(ExitReason.UNREACHABLE, text, final=True)
     elif "/login" in text:
-        yield Trouble(ExitReason.AUTH, text, final=True)
+        yield ModelProblem(ExitReason.AUTH, text, final=True)
     else:
-        yield trouble(text, count(value, "api_error_status"), final=True)
+        yield problem(text, count(value, "api_error_status"), final=True)
 
 
 def _totals(models: object) -> Iterable[Totals]:

@@ -16,17 +16,17 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -164,9 +164,9 @@ class CodexDialect:
                 return (Totals(_usage(field(value, "usage"))), Closed(ok=True))
             case "turn.failed":
                 self._over = True
-                return (_trouble(field(value, "error", "message"), final=True),)
+                return (_problem(field(value, "error", "message"), final=True),)
             case "error":
-                found = _trouble(field(value, "message"))
+                found = _problem(field(value, "message"))
                 return (found,) if found.final or not self._tracing else ()
         return ()
 
@@ -199,7 +199,7 @@ class CodexDialect:
         """Items of type ``error`` are notes, such as on a model that it does not know."""
         kind = field(item, "type")
         if kind == "agent_message":
-            yield Said(one_line(field(item, "text") or ""))
+            yield Output(one_line(field(item, "text") or ""))
         elif kind in TOOLS:
             if str(field(item, "id")) not in self._started:
                 yield ToolCalled(*_tool(item))
@@ -230,24 +230,24 @@ def _command(text: str) -> str:
     return words[2] if len(words) == 3 and words[1] in ("-c", "-lc") else text
 
 
-def _failed(status: bytes | None, message: str) -> Trouble:
+def _failed(status: bytes | None, message: str) -> ModelProblem:
     """A request that may be tried again; without a status there was no answer, or it broke off."""
     if status is not None:
         message = f"HTTP status {status.decode()}"
-    reason = trouble(message).reason
+    reason = problem(message).reason
     if status is None and reason is ExitReason.CRASHED:
         reason = ExitReason.UNREACHABLE
-    return Trouble(reason, one_line(message))
+    return ModelProblem(reason, one_line(message))
 
 
-def _trouble(message: Any, *, final: bool = False) -> Trouble:
+def _problem(message: Any, *, final: bool = False) -> ModelProblem:
     text = str(message or "the request failed")
     status = STATUS.search(text)
     if status is None:
         for reason, sign in SIGNS:
             if sign.search(text):
-                return Trouble(reason, one_line(text), final)
-    return trouble(text, int(status[1]) if status else None, final=final)
+                return ModelProblem(reason, one_line(text), final)
+    return problem(text, int(status[1]) if status else None, final=final)
 
 
 def _usage(value: object) -> Usage:

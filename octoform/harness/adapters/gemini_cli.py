@@ -14,17 +14,17 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness, bounded
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -152,24 +152,24 @@ class GeminiCliDialect:
         if field(value, "method") == STREAMED:
             text = "".join(map(_text, pieces))
             if text.strip():
-                yield Said(one_line(text))
+                yield Output(one_line(text))
             yield Turn(usage)
         yield Totals(self._used)
 
     def _retried(self, line: bytes) -> Iterable[AgentEvent]:
         found, status = RETRY.match(line), STATUS.match(line)
         if status is not None:
-            self._failed = trouble("", int(status[1])).reason
+            self._failed = problem("", int(status[1])).reason
         if found is not None:
             yield self._trouble(line.decode("utf-8", "replace"), found.group(1))
         elif line.startswith(NO_KEY):
-            yield Trouble(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
+            yield ModelProblem(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
 
     def _error(self, message: str) -> Iterable[AgentEvent]:
         """It tells here why it stops; what a failed request was is told by the result."""
         self._words = message
         if STOPPED.search(message):
-            yield Trouble(ExitReason.TURN_LIMIT, message, final=True)
+            yield ModelProblem(ExitReason.TURN_LIMIT, message, final=True)
 
     def _result(self, value: object) -> Iterable[AgentEvent]:
         message = field(value, "error", "message")
@@ -177,18 +177,18 @@ class GeminiCliDialect:
             yield Closed(ok=True)
         elif isinstance(message, str):
             if STOPPED.search(message):
-                yield Trouble(ExitReason.TURN_LIMIT, one_line(message), final=True)
+                yield ModelProblem(ExitReason.TURN_LIMIT, one_line(message), final=True)
             else:
                 code = CODE.search(message)
                 yield self._trouble(message, code.group(1) if code else None, final=True)
         else:
             yield Closed(ok=False, text=self._words)
 
-    def _trouble(self, text: str, status: bytes | str | None, *, final: bool = False) -> Trouble:
+    def _trouble(self, text: str, status: bytes | str | None, *, final: bool = False) -> ModelProblem:
         """What states nothing by itself is what the attempt before it failed with."""
-        found = trouble(text, int(status) if status else None, final=final)
+        found = problem(text, int(status) if status else None, final=final)
         if found.reason is ExitReason.CRASHED and self._failed is not None:
-            return Trouble(self._failed, found.text, final)
+            return ModelProblem(self._failed, found.text, final)
         self._failed = found.reason
         return found
 

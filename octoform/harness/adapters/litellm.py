@@ -12,7 +12,8 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic
 from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.containment.agent_environment import is_secret
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line
+from octoform.harness.event_parser import problem as trouble
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.llm.route import Route, route, unusable
 from octoform.harness.port import (
@@ -20,9 +21,9 @@ from octoform.harness.port import (
     Closed,
     ExitReason,
     Outcome,
+    Output,
     ProgressSink,
     Replying,
-    Said,
     Task,
     ToolCalled,
     ToolReturned,
@@ -120,7 +121,7 @@ class ReactDialect:
         match field(value, "type"):
             case "reply":
                 if text:
-                    yield Said(text)
+                    yield Output(text)
                 into, cached, out = (count(value, "usage", name) for name in ("input", "cached", "output"))
                 yield Turn(Usage(into, cached, out))
             case "call":

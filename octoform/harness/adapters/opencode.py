@@ -12,16 +12,16 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness, bounded, command_seconds
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.llm.route import Access
 from octoform.harness.port import (
     AgentEvent,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
-    Trouble,
     Turn,
     Usage,
 )
@@ -150,7 +150,7 @@ class OpenCodeDialect:
             yield from self._call(field(part, "callID"), field(part, "tool"), field(part, "state", "input"))
             yield ToolReturned(field(part, "state", "status") == "error" or field(part, "tool") == INVALID)
         elif kind == "text" and field(part, "text"):
-            yield Said(one_line(field(part, "text")))
+            yield Output(one_line(field(part, "text")))
         elif kind == "step_finish":
             yield Turn(_usage(field(part, "tokens")))
         elif kind == "error":
@@ -165,10 +165,10 @@ class OpenCodeDialect:
         elif kind == "tool":
             yield from self._call(value.get("id"), value.get("tool"), value.get("input"))
         elif kind == "retry" and not self._failed:
-            found = trouble(str(value.get("text") or "the request failed"), count(value, "status"))
+            found = problem(str(value.get("text") or "the request failed"), count(value, "status"))
             # It tries again only what may be a passing fault.
             passing = found.reason is ExitReason.CRASHED
-            yield Trouble(ExitReason.UNREACHABLE, found.text) if passing else found
+            yield ModelProblem(ExitReason.UNREACHABLE, found.text) if passing else found
 
     def _call(self, call: object, tool: object, given: object) -> Iterable[AgentEvent]:
         """One call, which both the plugin and the program itself tell of."""
@@ -177,10 +177,10 @@ class OpenCodeDialect:
             yield ToolCalled(one_line(tool or "?"), _argument(given))
 
 
-def _error(error: object) -> Trouble:
+def _error(error: object) -> ModelProblem:
     """After an error it ends."""
     text = field(error, "data", "message") or field(error, "name") or "the request failed"
-    return trouble(str(text), count(error, "data", "statusCode"), final=True)
+    return problem(str(text), count(error, "data", "statusCode"), final=True)
 
 
 def _usage(tokens: object) -> Usage:

@@ -13,17 +13,17 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness, command_seconds
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.llm.route import Access
 from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
-    Trouble,
     Turn,
     Usage,
 )
@@ -104,7 +104,7 @@ class PiDialect:
         """See `Dialect.read`."""
         if stream != "stdout":
             if line.startswith(NO_KEY):
-                yield Trouble(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
+                yield ModelProblem(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
             return
         if line.startswith(PIECES):
             yield Replying()
@@ -123,11 +123,11 @@ class PiDialect:
 
 def _reply(message: Mapping[str, Any]) -> Iterable[AgentEvent]:
     if field(message, "stopReason") == "error":
-        yield trouble(str(field(message, "errorMessage") or "the request failed"))
+        yield problem(str(field(message, "errorMessage") or "the request failed"))
         return
     for part in field(message, "content") or ():
         if field(part, "type") == "text" and field(part, "text"):
-            yield Said(one_line(field(part, "text")))
+            yield Output(one_line(field(part, "text")))
     # Fresh and cached input are counted apart.
     parts = [count(message, "usage", name) for name in ("input", "cacheRead", "cacheWrite")]
     fresh = parts[0]

@@ -16,17 +16,17 @@ from typing import Any, ClassVar
 from octoform.base.files import replace
 from octoform.harness.adapters.program import Launch, ProgramHarness
 from octoform.harness.contained_attempt import Invocation
-from octoform.harness.event_parser import count, field, json_object, one_line, trouble
+from octoform.harness.event_parser import count, field, json_object, one_line, problem
 from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -141,7 +141,7 @@ class QwenCodeDialect:
             if field(part, "type") == "text" and isinstance(text, str):
                 if text.startswith(API_ERROR) and not usage.input_tokens:
                     return  # its own words in place of a reply; the result says it again
-                yield Said(one_line(text))
+                yield Output(one_line(text))
             elif field(part, "type") == "tool_use":
                 yield ToolCalled(one_line(field(part, "name") or "?"), _argument(field(part, "input")))
         self._reply = usage if usage.input_tokens else self._reply or Usage()
@@ -171,11 +171,11 @@ def _logged(line: bytes) -> Iterable[AgentEvent]:
         text = found.group(2).decode("utf-8", "replace").removesuffix(" {")
         status = STATUS.search(text)
         if status is None and found.group(1) == b"RETRY":
-            yield Trouble(ExitReason.UNREACHABLE, one_line(text))
+            yield ModelProblem(ExitReason.UNREACHABLE, one_line(text))
         else:
-            yield trouble(text, int(status.group(1)) if status else None)
+            yield problem(text, int(status.group(1)) if status else None)
     elif STOPPED.match(line.decode("utf-8", "replace")):
-        yield Trouble(ExitReason.TURN_LIMIT, one_line(line.decode("utf-8", "replace")), final=True)
+        yield ModelProblem(ExitReason.TURN_LIMIT, one_line(line.decode("utf-8", "replace")), final=True)
 
 
 def _result(value: object) -> Iterable[AgentEvent]:
@@ -187,9 +187,9 @@ def _result(value: object) -> Iterable[AgentEvent]:
         return
     text = str(field(value, "error", "message") or field(value, "subtype") or "")
     if STOPPED.search(text):
-        yield Trouble(ExitReason.TURN_LIMIT, one_line(text), final=True)
+        yield ModelProblem(ExitReason.TURN_LIMIT, one_line(text), final=True)
     else:
-        yield trouble(text, final=True)
+        yield problem(text, final=True)
 
 
 def _usage(value: object) -> Usage:

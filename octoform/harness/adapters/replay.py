@@ -12,7 +12,8 @@ from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
 from octoform.harness import transcript
-from octoform.harness.port import ExitReason, Outcome, ProgressSink, Said, Task, Totals, Turn, Usage
+from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Totals, Turn, Usage
+from octoform.harness.port import Output as AgentOutput
 from octoform.harness.recording import Attempt, Output, Recording, content, load
 from octoform.harness.watcher import added
 from octoform.manifest.model import HarnessSpec
@@ -49,7 +50,7 @@ class ReplayHarness:
         if gone:
             return _unplayable(f"{gone[0]} of the recording is missing, or is no plain file")
         there = {name: data for name, data in files.items() if data is not None}
-        _tell(task, there.get(played.transcript or "", b""), progress)
+        _replay_events(task, there.get(played.transcript or "", b""), progress)
         if played.spec_edit is not None:
             _put(task.workdir / "spec.md", there[played.spec_edit], 0o644)
         if played.output is not None:
@@ -69,7 +70,7 @@ def create(spec: HarnessSpec, _environ: Mapping[str, str], _folder: Path | None)
     return found if isinstance(found, Diagnostic) else ReplayHarness(spec.recording, found)
 
 
-def _tell(task: Task, data: bytes, progress: ProgressSink) -> None:
+def _replay_events(task: Task, data: bytes, progress: ProgressSink) -> None:
     """Every event at once, with the time and the sum that it had then; the same lines become this attempt's own."""
     _put(task.transcript, data, 0o600)
     used, totals, found = Usage(), None, []
@@ -79,7 +80,7 @@ def _tell(task: Task, data: bytes, progress: ProgressSink) -> None:
             used = added(used, event.usage)
         elif isinstance(event, Totals):
             totals = event.usage
-        elif isinstance(event, Said):
+        elif isinstance(event, AgentOutput):
             found.append(event.text)
         progress(event, moment.at, totals or used)
     _put(task.log, "".join(f"{line}\n" for line in found).encode("utf-8", "replace"), 0o600)

@@ -301,11 +301,11 @@ def _adopting() -> Iterator[orphans.Adopted | None]:
 
 
 def _settle(
-    told: bytes, record: orphans.Record, seconds: float, without: str, adopted: orphans.Adopted | None
+    data: bytes, record: orphans.Record, seconds: float, without: str, adopted: orphans.Adopted | None
 ) -> Ended:
     """The supervisor's report as a value; ``without`` one it was killed, and its orphans are ended from here."""
     try:
-        return Ended(**parse(told))
+        return Ended(**parse(data))
     except (ValueError, TypeError):
         swept = orphans.end_marked((record,), adopted)
         return Ended(without, seconds=seconds, survivors=len(swept.ended), remaining=len(swept.left))

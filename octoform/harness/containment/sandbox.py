@@ -237,7 +237,7 @@ def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str
     out += [] if sandbox.network else ["--unshare-net"]
     # Root needs no user namespace to make this one.
     out += ["--unshare-user"] if user is None else ["--cap-drop", "ALL"]
-    out += [option for name in _lent(program, user) for option in ("--cap-add", name)]
+    out += [option for name in _capabilities(program, user) for option in ("--cap-add", name)]
     out += ["--ro-bind", "/", "/", "--dev-bind", "/dev", "/dev", "--tmpfs", "/dev/shm", "--proc", "/proc"]
     for name in _of_the_kernel():
         out += ["--ro-bind", name, name]
@@ -251,7 +251,7 @@ def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str
     return out
 
 
-def _lent(program: str, user: AgentUser | None) -> Iterator[str]:
+def _capabilities(program: str, user: AgentUser | None) -> Iterator[str]:
     """The powers that the first program inside needs, and gives up before the agent begins.
 
     To become an ordinary user, and to make terminals.
@@ -354,7 +354,7 @@ def _views(argv: Sequence[str], around: Confinement, user: AgentUser | None) -> 
     open_places = [place for place in (_forms(project) if project is not None else ()) if place not in hidden]
     masks = [*outermost, *(place / LOCAL for place in open_places)]
     out = [option for path in outermost for option in ("--tmpfs", str(path))]
-    for path in _shown(wanted, hidden):
+    for path in _visible(wanted, hidden):
         out += [*_way(path, masks), "--ro-bind", str(path), str(path)]
     for place in open_places:
         out += [option for name in PRIVATE if name != LOCAL for option in _covered(place / name)]
@@ -437,7 +437,7 @@ def _forms(path: Path) -> list[Path]:
     return list(dict.fromkeys((path.absolute(), _real(path))))
 
 
-def _shown(wanted: Iterable[Path], hidden: Sequence[Path]) -> list[Path]:
+def _visible(wanted: Iterable[Path], hidden: Sequence[Path]) -> list[Path]:
     """What has to be put back: what lies below a hidden folder and would not show one again."""
     found = {
         place

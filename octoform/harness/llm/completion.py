@@ -19,8 +19,9 @@ from octoform.base.files import head, replace
 from octoform.diagnostics import Diagnostic, warning
 from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
-from octoform.harness.event_parser import count, json_object, one_line, trouble
+from octoform.harness.event_parser import count, json_object, one_line
 from octoform.harness.event_parser import field as at
+from octoform.harness.event_parser import problem as trouble
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.llm.route import HARNESS, Route, route
 from octoform.harness.port import Excerpt, ExitReason, Usage
@@ -104,10 +105,10 @@ class LiteLLMCompletion:
         )
         return run(program, Limits(wall_seconds=self.seconds), found), bytes(found.data)
 
-    def _answer(self, ended: Ended, said: bytes, seconds: float) -> Condensed | Diagnostic:
+    def _answer(self, ended: Ended, output: bytes, seconds: float) -> Condensed | Diagnostic:
         if ended.reason == "wall":
             return _failed(f"no answer within {self.seconds:g} s")
-        lines = said.splitlines()
+        lines = output.splitlines()
         value = json_object(lines[-1]) if lines else None
         if value is None:
             return _failed(f"its process ended without an answer after {seconds:.0f} s (status {ended.status})")
@@ -179,7 +180,7 @@ def condense(log: Path, bound_bytes: int, completion: Completion | None) -> Exce
     size = _size(log)
     if completion is None or size is None or size <= bound_bytes:
         return Excerpt(end)
-    answer = completion.complete(fenced("log", _shown(log, size)), INSTRUCTION.read_text(encoding="utf-8"))
+    answer = completion.complete(fenced("log", _log_excerpt(log, size)), INSTRUCTION.read_text(encoding="utf-8"))
     if isinstance(answer, Diagnostic):
         return Excerpt(end, reason=answer.summary)
     return _excerpt(answer, end, bound_bytes)
@@ -202,7 +203,7 @@ def _size(log: Path) -> int | None:
     return facts.st_size if stat.S_ISREG(facts.st_mode) else None
 
 
-def _shown(log: Path, size: int) -> str:
+def _log_excerpt(log: Path, size: int) -> str:
     """The beginning and the end of the log, redacted."""
     end = redacted(tail(log, size, TAIL_BYTES))
     if size <= TAIL_BYTES:

@@ -26,7 +26,7 @@ def main(path: str) -> int:
     reporter = Reporter(sys.stdout)
     key = os.environ.get(config.route.key) if config.route.key else None
     if config.route.key and not key:
-        reporter.trouble(Refusal(f"the variable {config.route.key} with the API key is not set", UNAUTHORIZED), True)
+        reporter.problem(Refusal(f"the variable {config.route.key} with the API key is not set", UNAUTHORIZED), True)
         return 1
     environment = {name: value for name, value in os.environ.items() if name not in config.hidden}
     shell = Shell(Path(config.workdir), environment, config.shell_seconds, config.most_shell_seconds)
@@ -34,11 +34,11 @@ def main(path: str) -> int:
     model = LiteLLM(request)
     task = files.read(Path(config.prompt)).decode("utf-8", "replace")
     loop = Loop(
-        model=Patient(model, config.backoff_seconds, reporter.trouble),
+        model=Patient(model, config.backoff_seconds, reporter.problem),
         toolbox=Toolbox(Path(config.workdir), shell, _secrets(config)),
         conversation=Conversation(instructions(config), task, model.input_tokens),
         reporter=reporter,
-        done=lambda: _stands(Path(config.output)),
+        done=lambda: _has_output(Path(config.output)),
         output=config.output,
     )
     return 0 if loop.run() else 1
@@ -48,7 +48,7 @@ def _secrets(config: Config) -> dict[str, str]:
     return {name: os.environ[name] for name in config.hidden if os.environ.get(name)}
 
 
-def _stands(output: Path) -> bool:
+def _has_output(output: Path) -> bool:
     """True when the declared output is there and not empty."""
     try:
         facts = output.lstat()

@@ -37,7 +37,7 @@ GRACE_SECONDS = 1.0
 
 
 @dataclass(frozen=True, slots=True)
-class Said:
+class ToolResult:
     """What a tool gives back to the model; ``failed`` when it did not do what was asked."""
 
     text: str
@@ -53,7 +53,7 @@ class Shell:
     seconds: int
     most_seconds: int
 
-    def run(self, command: str, timeout_seconds: int | None = None) -> Said:
+    def run(self, command: str, timeout_seconds: int | None = None) -> ToolResult:
         """Run it; a command that takes longer is ended with its whole group."""
         limit = min(self.most_seconds, max(1, timeout_seconds or self.seconds))
         program = shutil.which("bash", path=self.environment.get("PATH")) or "/bin/sh"
@@ -68,12 +68,12 @@ class Shell:
                 start_new_session=True,
             )
         except (OSError, ValueError) as problem:
-            return Said(f"the command could not be started: {problem}", failed=True)
+            return ToolResult(f"the command could not be started: {problem}", failed=True)
         kept = HeadAndTail(OUTPUT_BYTES)
         with process:
             ended = _follow(process, kept, limit)
             # The pipe may stay open in what runs on in the background; nobody reads it any more.
-        return _told(kept.text(), process.returncode, None if ended else limit)
+        return _shell_result(kept.text(), process.returncode, None if ended else limit)
 
 
 def _follow(process: subprocess.Popen[bytes], kept: HeadAndTail, seconds: float) -> bool:
@@ -119,14 +119,14 @@ def _end(process: subprocess.Popen[bytes]) -> None:
             return
 
 
-def _told(output: str, status: int, limit: float | None) -> Said:
+def _shell_result(output: str, status: int, limit: float | None) -> ToolResult:
     output = output.rstrip("\n")
     if limit is not None:
-        return Said(f"{output}\n[ended after {limit:g} seconds, its limit]".lstrip("\n"), failed=True)
+        return ToolResult(f"{output}\n[ended after {limit:g} seconds, its limit]".lstrip("\n"), failed=True)
     if status:
         how = f"exit status {status}" if status > 0 else f"ended by signal {-status}"
-        return Said(f"{output}\n[{how}]".lstrip("\n"), failed=True)
-    return Said(output or "[no output, exit status 0]")
+        return ToolResult(f"{output}\n[{how}]".lstrip("\n"), failed=True)
+    return ToolResult(output or "[no output, exit status 0]")
 
 
 # The file tools: bounded reading of plain files, and writing that cannot leave the attempt's folder.
@@ -145,21 +145,21 @@ class FileToolRefused(ValueError):
     """What was asked of a file tool is not done; the text is for the model."""
 
 
-def read_file(workdir: Path, path: str, offset: int = 1, limit: int | None = None) -> Said:
+def read_file(workdir: Path, path: str, offset: int = 1, limit: int | None = None) -> ToolResult:
     """Lines of a plain file from line ``offset`` on, at most `READ_BYTES` of them."""
     target = workdir / path
     try:
         if not stat.S_ISREG(target.stat().st_mode):
-            return Said(f"{path} is no plain file", failed=True)
+            return ToolResult(f"{path} is no plain file", failed=True)
         with os.fdopen(os.open(target, PLAIN), "rb") as stream:
             if not stat.S_ISREG(os.fstat(stream.fileno()).st_mode):
-                return Said(f"{path} is no plain file", failed=True)
+                return ToolResult(f"{path} is no plain file", failed=True)
             lines = _lines(stream.read(SEARCHED_BYTES) or b"")
     except (OSError, ValueError) as problem:
-        return Said(f"{path} cannot be read: {_why(problem)}", failed=True)
+        return ToolResult(f"{path} cannot be read: {_why(problem)}", failed=True)
     first = max(1, offset)
     wanted = lines[first - 1 :] if limit is None else lines[first - 1 : first - 1 + max(0, limit)]
-    return Said(_part(wanted, first, len(lines)))
+    return ToolResult(_part(wanted, first, len(lines)))
 
 
 def _lines(data: bytes) -> list[bytes]:
@@ -189,23 +189,23 @@ def _part(wanted: Sequence[bytes], first: int, count: int) -> str:
     return f"{text.rstrip()}\n[lines {first} to {last} of {count}{', the last one cut' if cut else ''}]"
 
 
-def write_file(workdir: Path, path: str, content: str) -> Said:
+def write_file(workdir: Path, path: str, content: str) -> ToolResult:
     """Put a text file below the folder in place."""
     data = content.encode("utf-8", "replace")
     try:
         with _parent(workdir, path, make=True) as (folder, name):
             replace_in(folder, name, data, _mode(folder, name))
     except FileToolRefused as problem:
-        return Said(str(problem), failed=True)
+        return ToolResult(str(problem), failed=True)
     except (OSError, ValueError) as problem:
-        return Said(f"{path} cannot be written: {_why(problem)}", failed=True)
-    return Said(f"{len(data)} bytes written to {path}")
+        return ToolResult(f"{path} cannot be written: {_why(problem)}", failed=True)
+    return ToolResult(f"{len(data)} bytes written to {path}")
 
 
-def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
+def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> ToolResult:
     """Replace each ``old``, which must be there exactly once, by its ``new``; all or none."""
     if not edits:
-        return Said("edits is empty: nothing was changed", failed=True)
+        return ToolResult("edits is empty: nothing was changed", failed=True)
     try:
         with _parent(workdir, path, make=False) as (folder, name):
             text = _text(folder, name, path)
@@ -213,10 +213,10 @@ def patch(workdir: Path, path: str, edits: Sequence[Mapping[str, str]]) -> Said:
                 text = _edited(text, edit["old"], edit["new"], f"edit {number} of {len(edits)}")
             replace_in(folder, name, text.encode("utf-8"), _mode(folder, name))
     except FileToolRefused as problem:
-        return Said(f"{problem}; nothing was changed", failed=True)
+        return ToolResult(f"{problem}; nothing was changed", failed=True)
     except (OSError, ValueError) as problem:
-        return Said(f"{path} cannot be changed: {_why(problem)}", failed=True)
-    return Said(f"{len(edits)} replacement(s) made in {path}")
+        return ToolResult(f"{path} cannot be changed: {_why(problem)}", failed=True)
+    return ToolResult(f"{len(edits)} replacement(s) made in {path}")
 
 
 def _edited(text: str, old: str, new: str, which: str) -> str:
@@ -355,17 +355,17 @@ class Toolbox:
     shell: Shell
     secrets: Mapping[str, str]
 
-    def use(self, ready: Ready) -> Said:
+    def use(self, ready: Ready) -> ToolResult:
         """Make a call that was checked."""
         known = next(item for item in declared() if item["function"]["name"] == ready.tool)["function"]["parameters"]
         arguments = {
             name: value for name, value in ready.arguments.items() if name in known["properties"] and value is not None
         }
-        runs: Mapping[str, Callable[..., Said]] = {
+        runs: Mapping[str, Callable[..., ToolResult]] = {
             "shell": self.shell.run,
             "read_file": partial(read_file, self.workdir),
             "write_file": partial(write_file, self.workdir),
             "patch": partial(patch, self.workdir),
         }
         found = runs[ready.tool](**arguments)
-        return Said(redacted(found.text, self.secrets), found.failed)
+        return ToolResult(redacted(found.text, self.secrets), found.failed)

@@ -128,7 +128,7 @@ class Conversation:
         shown = cut(text, RESULT_BYTES // share)
         self._steps[-1].append({"role": "tool", "tool_call_id": call_id, "name": name or "unknown", "content": shown})
 
-    def told(self, text: str) -> None:
+    def reply(self, text: str) -> None:
         """octoform answers where the model has called no tool."""
         self._steps[-1].append({"role": "user", "content": text})
 

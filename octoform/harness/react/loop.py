@@ -12,7 +12,7 @@ from string import Template
 from typing import Any, TextIO
 
 from octoform.harness.llm.client import Call, Model, Refusal, Reply
-from octoform.harness.react.agent_tools import Ready, Said, Toolbox, checked, declared
+from octoform.harness.react.agent_tools import Ready, Toolbox, ToolResult, checked, declared
 from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config
 
@@ -47,7 +47,7 @@ class Reporter:
         """A long reply is still coming in."""
         self._tell("alive", pieces=pieces)
 
-    def trouble(self, refusal: Refusal, final: bool) -> None:
+    def problem(self, refusal: Refusal, final: bool) -> None:
         """A request failed."""
         self._tell("trouble", text=refusal.text[:SHOWN], status=refusal.status, final=final)
 
@@ -114,7 +114,7 @@ class Loop:
             if isinstance(answer, Reply) or not answer.too_long:
                 return answer
             if not self.conversation.shrink():
-                self.reporter.trouble(answer, True)
+                self.reporter.problem(answer, True)
                 return answer
 
     def _is_over(self, reply: Reply) -> bool:
@@ -123,12 +123,12 @@ class Loop:
             return True
         if not reply.text.strip():
             self._wrong += 1
-            self.conversation.told("Your reply was empty or could not be read. Call one tool, with valid arguments.")
+            self.conversation.reply("Your reply was empty or could not be read. Call one tool, with valid arguments.")
             return False
         if self._told:
             return True
         self._told = True
-        self.conversation.told(
+        self.conversation.reply(
             f"The output file {self.output} is not there, or is empty. Write it now; "
             "if that cannot be done, explain it in one sentence."
         )
@@ -140,7 +140,7 @@ class Loop:
             self.reporter.result(found.text, found.failed)
             self.conversation.returned(call.id, call.name, found.text, len(calls))
 
-    def _one(self, call: Call) -> Said:
+    def _one(self, call: Call) -> ToolResult:
         ready = checked(call)
         if isinstance(ready, Ready):
             self._wrong = 0
@@ -148,7 +148,7 @@ class Loop:
             return self.toolbox.use(ready)
         self._wrong += 1
         self.reporter.call(call.name or "?", call.arguments)
-        return Said(ready, failed=True)
+        return ToolResult(ready, failed=True)
 
 
 def _bounded(reply: Reply) -> Reply:

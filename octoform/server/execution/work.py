@@ -74,9 +74,29 @@ class Work:
     """
 
     __slots__ = (
-        "_again", "_future", "_job", "_loop", "_task", "_timer", "_workers", "begun", "blocked", "bound", "cause",
-        "deadline", "ended", "halted", "inline", "on_end", "on_stuck", "patience", "pinned", "reference", "stuck",
-        "told", "tool",
+        "_again",
+        "_future",
+        "_job",
+        "_loop",
+        "_task",
+        "_timer",
+        "_workers",
+        "begun",
+        "blocked",
+        "bound",
+        "cause",
+        "deadline",
+        "ended",
+        "halted",
+        "inline",
+        "on_end",
+        "on_stuck",
+        "patience",
+        "pinned",
+        "reference",
+        "reported",
+        "stuck",
+        "tool",
     )  # fmt: skip
 
     def __init__(self, tool: str, workers: Workers, patience: Patience, bound: int) -> None:
@@ -88,7 +108,7 @@ class Work:
         self.begun = self.ended = self.stuck = self.inline = self.blocked = False
         self.cause = self.halted = ""
         self.deadline = math.inf
-        self.told: BaseException | None = None
+        self.reported: BaseException | None = None
         self.pinned: Tool | None = None
         self.reference = ""
         self._workers = workers
@@ -113,8 +133,8 @@ class Work:
         except RuntimeError:  # no more threads on this machine: the tool has not begun, and the next call may do
             self.begun = False
             self._end()
-            self.told = ToolError(f"{TEXT} on the host of the endpoint; the tool was not called")
-            raise self.told from None
+            self.reported = ToolError(f"{TEXT} on the host of the endpoint; the tool was not called")
+            raise self.reported from None
         return await self._outcome()
 
     async def run_async(self, function: Callable[[], Coroutine[Any, Any, Any]]) -> Any:
@@ -207,7 +227,7 @@ class Work:
         if self.cause or isinstance(problem, Interrupted):  # what it says after it was told to stop came too late
             future.set_exception(self._stopped(ended=True))
         elif problem is not None:
-            future.set_exception(told(self, problem))
+            future.set_exception(client_error(self, problem))
         else:
             future.set_result(value)
 
@@ -280,7 +300,7 @@ def guarded(function: Callable[..., Any], in_thread: bool = True) -> Callable[..
         except Stopped:
             raise
         except BaseException as problem:
-            raise told(work, problem) from problem
+            raise client_error(work, problem) from problem
 
     if asynchronous or inspect.isasyncgenfunction(function):
         chosen: Any = in_task
@@ -292,10 +312,10 @@ def guarded(function: Callable[..., Any], in_thread: bool = True) -> Callable[..
     return chosen  # type: ignore[no-any-return]
 
 
-def told(work: Work, problem: BaseException) -> BaseException:
+def client_error(work: Work, problem: BaseException) -> BaseException:
     """What the client hears of an exception of the tool: words meant for it, or a reference to the server's log."""
     if isinstance(problem, FastMCPError):
-        work.told = problem
+        work.reported = problem
         return problem
     if isinstance(problem, MCPError) and problem.error.code == MISSING_REQUIRED_CLIENT_CAPABILITY:
         return problem
@@ -306,7 +326,7 @@ def masked(work: Work, problem: BaseException) -> ToolError:
     """The error that names nothing but a reference, under which the exception is in the server's log."""
     work.reference = os.urandom(4).hex()
     LOG.error("reference %s: the tool %s failed inside", work.reference, work.tool, exc_info=problem)
-    work.told = error = ToolError(f"the tool failed inside (reference {work.reference})", log_level=logging.DEBUG)
+    work.reported = error = ToolError(f"the tool failed inside (reference {work.reference})", log_level=logging.DEBUG)
     return error
 
 

@@ -21,7 +21,7 @@ from octoform.server.limits import Ledger, beyond_words, is_number, outside
 from octoform.server.process import principal
 from octoform.server.process.local_socket import Client, client_of
 from octoform.server.process.principal import Principal
-from octoform.server.process.stderr_log import say
+from octoform.server.process.stderr_log import write_line
 from octoform.server.tool_policy import Reports, ToolPolicy
 
 from .argument_validation import NOTHING, Effective
@@ -180,7 +180,7 @@ class Records:
             self._audit.write_all(records)
         except AuditFailed as problem:
             if self.problem is None:
-                say(f"the audit log cannot be written: {problem}")
+                write_line(f"the audit log cannot be written: {problem}")
             self.problem = str(problem)
             return False
         self.problem = None
@@ -252,7 +252,7 @@ def held(call: Call, content: Any, records: Records, ledger: Ledger) -> str:
         return ""
     records.write("outside", call=call.identity, tool=name, units=dict(found.outside))
     text = "; ".join(beyond_words(name, unit, words) for unit, words in found.outside.items())
-    say(text)
+    write_line(text)
     if not ledger.hold(name, found.outside):
         return ""
     records.outcome(call, "outside", text=text)

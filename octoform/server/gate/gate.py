@@ -202,7 +202,7 @@ class Gate(Middleware):
         try:
             call.effective = entry.coerce(call.given)
         except ValidationError as problem:
-            raise CallRefused("invalid", messages.told(entry.name, problem, entry.schema)) from None
+            raise CallRefused("invalid", messages.describe(entry.name, problem, entry.schema)) from None
         if entry.flaw:
             self._object(call, "limit_without_argument", f"{entry.name} is refused: {entry.flaw}")
         self._restrict(call)
@@ -396,8 +396,8 @@ class Gate(Middleware):
             bound = call.entry.policy.result_bytes
             return messages.error(f"the result is too large: {problem.size} bytes or more, of at most {bound}")
         if isinstance(problem, ArgumentsInvalid) and isinstance(problem.__cause__, ValidationError):
-            problem = ArgumentsInvalid(messages.told(call.entry.name, problem.__cause__, call.entry.schema))
-        elif problem is not work.told and not isinstance(problem, ArgumentsInvalid):
+            problem = ArgumentsInvalid(messages.describe(call.entry.name, problem.__cause__, call.entry.schema))
+        elif problem is not work.reported and not isinstance(problem, ArgumentsInvalid):
             problem = masked(work, problem.__cause__ or problem)
         fields = {"reference": work.reference} if work.reference else {"text": str(problem)}
         self._records.outcome(call, "error", **fields)

@@ -120,7 +120,7 @@ class _Place(NamedTuple):
     whole: bool
 
 
-def told(tool: str, problem: ValidationError, schema: Mapping[str, Any]) -> str:
+def describe(tool: str, problem: ValidationError, schema: Mapping[str, Any]) -> str:
     """Sentences about every argument that does not fit the tool's input schema (without references)."""
     sentences: dict[str, str] = {}
     for fault in problem.errors(include_url=False, include_context=False):

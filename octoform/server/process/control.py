@@ -17,7 +17,7 @@ from typing import Any
 from octoform.base.files import parse
 
 from .local_socket import PASSING, PAUSE, listen, peer
-from .stderr_log import Throttle, say
+from .stderr_log import Throttle, write_line
 
 Handler = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 NAME = "control.sock"
@@ -143,7 +143,7 @@ class Control:
         try:
             return handler(question)
         except Exception as problem:  # noqa: BLE001 - whoever asks is told, and the door stays open
-            say(f"{op} failed: {problem!r}")
+            write_line(f"{op} failed: {problem!r}")
             return {"error": f"{type(problem).__name__}: {problem}"}
         finally:
             with self._lock:

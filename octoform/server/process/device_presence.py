@@ -20,7 +20,7 @@ from typing import Any
 
 from octoform.base.files import read_json
 
-from .stderr_log import say
+from .stderr_log import write_line
 
 KOBJECT_UEVENT = 15  # linux/netlink.h: NETLINK_KOBJECT_UEVENT, whose first group carries the kernel's own events
 BUFFER = 1 << 16
@@ -133,7 +133,7 @@ def _there(runtime: ModuleType, device: str) -> bool | None:
     except runtime.DeviceAbsent:
         return False
     except (runtime.DeviceFault, OSError) as problem:
-        say(f"whether {device} is there is unknown: {problem}")
+        write_line(f"whether {device} is there is unknown: {problem}")
         return None
     return True
 

@@ -18,7 +18,7 @@ from octoform.base.place import KEY, place_of
 from octoform.base.processes import command_line, start_of
 from octoform.base.shape import fits
 
-from .stderr_log import say
+from .stderr_log import write_line
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
@@ -79,7 +79,7 @@ class Owner:
         except FileNotFoundError:
             return False
         except (OSError, ValueError) as problem:
-            say(f"the record of this process was damaged ({problem}) and is written again")
+            write_line(f"the record of this process was damaged ({problem}) and is written again")
         if self._document:
             with contextlib.suppress(OSError):  # tried again with the next look
                 files.make_way(path)

@@ -16,7 +16,7 @@ from octoform.base.clock import stamp
 _NO_ROOM = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 
 
-def say(text: str) -> None:
+def write_line(text: str) -> None:
     """Print one line to stderr, at once, with its time in front (RFC 3339, UTC), by which `octoform logs` sorts it.
 
     Without room on the disk it is lost; every other OSError is raised.
@@ -28,12 +28,12 @@ def say(text: str) -> None:
             raise
 
 
-class Said(logging.Handler):
+class StderrHandler(logging.Handler):
     """States what is logged, so that every line of this package has one form."""
 
     def emit(self, record: logging.LogRecord) -> None:
         """Say one record."""
-        say(self.format(record))
+        write_line(self.format(record))
 
 
 # Log lines that strangers can cause are few, so that nobody fills a disk by knocking. Standard library only.

@@ -24,7 +24,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from octoform.base.tokens import Token, read
-from octoform.server.process.stderr_log import Throttle, say
+from octoform.server.process.stderr_log import Throttle, write_line
 
 # Who may come in over the network: the tokens of this host, by the digest of their values. Standard library only.
 #
@@ -74,10 +74,10 @@ class Tokens:
         try:
             tokens = read(self._path)
         except FileNotFoundError:
-            say("there are no tokens, so no one gets in over the network; octoform token create makes one")
+            write_line("there are no tokens, so no one gets in over the network; octoform token create makes one")
             return {}
         except (OSError, ValueError) as problem:
-            say(f"the tokens cannot be read ({problem!r}), so no one gets in over the network: {self._path}")
+            write_line(f"the tokens cannot be read ({problem!r}), so no one gets in over the network: {self._path}")
             return {}
         return {token.sha256: token for token in tokens}
 

@@ -25,7 +25,7 @@ MOST_BYTES = 4_000_000
 class Verdict:
     """Asked for one word. ``folder`` is the daemon's, ``instance`` this start of the endpoint.
 
-    ``latched`` shows whether the emergency stop is engaged, ``lacks`` whether a device is absent, closed to the
+    ``engaged`` shows whether the emergency stop is engaged, ``lacks`` whether a device is absent, closed to the
     user, or was reported outside of its range.
     """
 
@@ -41,15 +41,15 @@ class Verdict:
         now, latched = time.monotonic(), self._latched()
         if self._known is None or now - self._known[0] >= SECONDS or self._known[1] is not latched:
             own = DEGRADED if latched or self._lacks() else HEALTHY
-            self._known = (now, latched, max(own, self._of_daemon(latched=latched), key=ORDER.index))
+            self._known = (now, latched, max(own, self._of_daemon(engaged=latched), key=ORDER.index))
         return self._known[2]
 
-    def _of_daemon(self, *, latched: bool) -> str:
+    def _of_daemon(self, *, engaged: bool) -> str:
         """The word of the daemon; ``unknown`` where none lives, or where its record is not of now."""
         document = self._record() if self._is_alive() else None
         if document is None:
             return UNKNOWN
-        basis = {"instance": self._instance, "stopped": False, "latched": latched}
+        basis = {"instance": self._instance, "stopped": False, "latched": engaged}
         try:
             fresh = document["uptime"] <= boottime() <= document["until"]
             word = document["status"] if fresh and document["basis"] == basis else UNKNOWN

@@ -384,7 +384,7 @@ class _Refusals:
             nonlocal replaced
             verdict = scope["path"] == HEALTH and message.get("status") == 503  # an answer, and no refusal
             if message["type"] == "http.response.start" and message["status"] >= 400 and not verdict:
-                _tell(scope, message["status"])
+                _log_status(scope, message["status"])
                 replaced = message["status"] == 421
                 if replaced:
                     await self._misdirected(scope, receive, send)
@@ -405,6 +405,6 @@ def _has_token(query: bytes) -> bool:
     return not names.isdisjoint({"token", "access_token", "authorization", "bearer"})
 
 
-def _tell(scope: Scope, status: int) -> None:
+def _log_status(scope: Scope, status: int) -> None:
     client = scope.get("client") or ("?", 0)
     LOGGER.warning("refused: %s %s from %s: %d", scope["method"], ascii(scope["path"][:80]), client[0], status)

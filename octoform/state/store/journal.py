@@ -17,10 +17,10 @@ from octoform.records import dataclass
 from octoform.state.files import (
     SIZE_LIMIT,
     Checkpoint,
+    display,
     pass_by,
     read_regular,
     refused,
-    shown,
 )
 
 
@@ -120,7 +120,7 @@ def _corrupt(path: Path, number: int, lines: int) -> Diagnostic:
     return error(
         "STATE-JOURNAL-CORRUPT",
         f"line {number} of {lines} of the journal is not what octoform wrote there",
-        path=shown(path),
+        path=display(path),
         detail=f"lines 1 to {number - 1} are whole; the snapshot that the journal continues is not touched",
         hint="move the journal away to go on from the snapshot; what was accepted after it is verified or made again",
     )
@@ -130,7 +130,7 @@ def _torn(path: Path, number: int) -> Diagnostic:
     return warning(
         "STATE-JOURNAL-TORN",
         f"line {number} of the journal was cut while it was written; it is ignored",
-        path=shown(path),
+        path=display(path),
         hint="nothing to do: its step counts as interrupted",
     )
 

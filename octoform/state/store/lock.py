@@ -24,7 +24,7 @@ from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, start_of
 from octoform.diagnostics import Diagnostic, error
 from octoform.records import dataclass
-from octoform.state.files import make_folders, read_regular, refused, shown
+from octoform.state.files import display, make_folders, read_regular, refused
 from octoform.state.layout import Layout
 
 # Who holds a lock, and whether that process still lives.
@@ -143,7 +143,7 @@ class Waiting:
     timeout: float = 0.0
     clock: Callable[[], float] = time.monotonic
     sleep: Callable[[float], None] = time.sleep
-    told: Callable[[Holder], None] | None = None
+    notify: Callable[[Holder], None] | None = None
 
 
 class Lock:
@@ -205,7 +205,7 @@ def read_holder(layout: Layout) -> Holder | Diagnostic | None:
         return error(
             "STATE-LOCK-UNREADABLE",
             "the lock file is not one that octoform wrote",
-            path=shown(layout.lock),
+            path=display(layout.lock),
             hint="check that no octoform runs on this host's state, then remove the file",
         )
 
@@ -226,8 +226,8 @@ def acquire(layout: Layout, operation: str, waiting: Waiting | None = None, proc
         left = deadline - patience.clock()
         if not isinstance(outcome, Holder) or left <= 0:
             break
-        if patience.told is not None and not found:
-            patience.told(outcome)
+        if patience.notify is not None and not found:
+            patience.notify(outcome)
             found = True
         patience.sleep(min(pause, left))
         pause = min(pause * 2, _LONGEST_PAUSE)
@@ -337,7 +337,7 @@ def _locked(layout: Layout, holder: Holder, me: Process, proc: Path) -> Diagnost
         summary = f"the state of {layout.host} is locked: {holder.operation} by {who}"
         hint = "wait for it to end, or use -lock-timeout; it is alive, so its lock is not cleared"
     detail = f"lock {holder.id}, held since {holder.created}"
-    return error("STATE-LOCKED", summary, path=shown(layout.lock), detail=detail, hint=hint)
+    return error("STATE-LOCKED", summary, path=display(layout.lock), detail=detail, hint=hint)
 
 
 def force_unlock(layout: Layout, lock_id: str) -> list[Diagnostic]:
@@ -348,15 +348,17 @@ def force_unlock(layout: Layout, lock_id: str) -> list[Diagnostic]:
             if isinstance(there, Diagnostic):
                 return [there]
             if there is None:
-                return [error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=shown(layout.lock))]
+                return [
+                    error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=display(layout.lock))
+                ]
             if there.id != lock_id:
                 detail = f"{there.operation} by pid {there.process.pid} on {there.process.host} since {there.created}"
                 hint = f"octoform force-unlock {there.id}"
                 summary = f"the lock that is there is not {lock_id!r}"
-                return [error("STATE-LOCK-ID", summary, path=shown(layout.lock), detail=detail, hint=hint)]
+                return [error("STATE-LOCK-ID", summary, path=display(layout.lock), detail=detail, hint=hint)]
             layout.lock.unlink()
     except FileNotFoundError:
-        return [error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=shown(layout.lock))]
+        return [error("STATE-NOT-LOCKED", f"the state of {layout.host} is not locked", path=display(layout.lock))]
     except OSError as problem:
         return [refused(problem, layout.lock)]
     return []

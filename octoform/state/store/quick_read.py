@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error
-from octoform.state.files import read_regular, shown
+from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 
 FORMAT = 1
@@ -102,11 +102,11 @@ def _container(document: object, layout: Layout) -> tuple[dict[str, Any] | None,
         writer = document.get("octoform", "a newer one")
         summary = f"the state has format {document['format']}, written by octoform {writer}; this one knows {FORMAT}"
         hint = "use that octoform or a newer one; an older one could drop what it does not know"
-        return None, [error("STATE-NEWER", summary, path=shown(layout.snapshot), hint=hint)]
+        return None, [error("STATE-NEWER", summary, path=display(layout.snapshot), hint=hint)]
     if document.get("host") != layout.host:
         summary = f"this is the state of host {document.get('host')!r}, not of {layout.host!r}"
         hint = "move the folder back to that host's name, or give the manifest's `host` that name"
-        return None, [error("STATE-OTHER-HOST", summary, path=shown(layout.snapshot), pointer="/host", hint=hint)]
+        return None, [error("STATE-OTHER-HOST", summary, path=display(layout.snapshot), pointer="/host", hint=hint)]
     if not _well_formed(document):
         return None, [_bad(layout, "STATE-NOT-STATE", "the state file lacks its lineage, serial or nodes")]
     return document, []
@@ -120,18 +120,18 @@ def _well_formed(document: dict[str, Any]) -> bool:
 
 
 def _bad(layout: Layout, code: str, summary: str) -> Diagnostic:
-    return error(code, summary, path=shown(layout.snapshot), hint=recovery(layout))
+    return error(code, summary, path=display(layout.snapshot), hint=recovery(layout))
 
 
 def recovery(layout: Layout) -> str:
     """One sentence that names the previous good copy, or states that this machine has none."""
-    target = shown(layout.snapshot)
+    target = display(layout.snapshot)
     kept = backup_path(layout)
     data, problem = read_regular(kept)
     if data is not None and problem is None:
         serial = _serial(data, layout.host)
         if serial is not None:
-            return f"the previous good copy (serial {serial}) is {shown(kept)}; copy it to {target}"
+            return f"the previous good copy (serial {serial}) is {display(kept)}; copy it to {target}"
     return f"restore it from git (git log -- {target}); this machine keeps no earlier copy"
 
 

@@ -13,7 +13,7 @@ from pydantic import ValidationError
 from octoform import __version__
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.records import dataclass
-from octoform.state.files import read_regular, shown
+from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Snapshot, Status, state_digest
 from octoform.state.store import journal as journals
@@ -47,11 +47,11 @@ def _failure(nodes: Nodes, record: Record) -> None:
     _end_badly(nodes, record.node, Status.FAILED, {"failure": {"failed_at": record.time, **record.data}})
 
 
-def _end_badly(nodes: Nodes, name: str, status: Status, told: Mapping[str, Any]) -> None:
+def _end_badly(nodes: Nodes, name: str, status: Status, journal: Mapping[str, Any]) -> None:
     """What was accepted before stays known; only how the last run ended changes."""
     former = nodes.get(name, NodeState())
     kept = {key: value for key, value in former.detail.items() if key not in ("interrupted", "failure")}
-    nodes[name] = former.model_copy(update={"status": status, "detail": {**kept, **told}})
+    nodes[name] = former.model_copy(update={"status": status, "detail": {**kept, **journal}})
 
 
 def _success(nodes: Nodes, record: Record) -> None:
@@ -122,7 +122,7 @@ def _field(layout: Layout, invalid: ValidationError) -> Diagnostic:
     # pydantic calls every value its input, and goes on about how it tried to read it.
     wrong = first["msg"].partition(",")[0].replace("Input should", "this value should")
     summary = f"the state file is damaged: {wrong}{more}"
-    return error("STATE-NOT-STATE", summary, path=shown(layout.snapshot), pointer=pointer, hint=recovery(layout))
+    return error("STATE-NOT-STATE", summary, path=display(layout.snapshot), pointer=pointer, hint=recovery(layout))
 
 
 def read_current(layout: Layout) -> tuple[Current | None, list[Diagnostic]]:
@@ -143,15 +143,15 @@ def _moving(layout: Layout) -> Diagnostic:
     return error(
         "STATE-MOVED",
         "the state file changed again and again while it was read",
-        path=shown(layout.snapshot),
+        path=display(layout.snapshot),
         hint="wait for what writes it to end, then run the command again",
     )
 
 
 def _combine(
-    layout: Layout, base: Snapshot | None, reading: Reading, told: list[Diagnostic]
+    layout: Layout, base: Snapshot | None, reading: Reading, diagnostics: list[Diagnostic]
 ) -> tuple[Current | None, list[Diagnostic]]:
-    found = [*told, *_history(layout, base)]
+    found = [*diagnostics, *_history(layout, base)]
     start = position(reading.records, state_digest(base) if base is not None else None)
     foreign = start is None
     records = reading.records[start:] if start is not None else ()
@@ -160,7 +160,7 @@ def _combine(
         folded = fold(ground, records)
     except ValidationError as invalid:
         summary = f"the journal holds a record of no state: {invalid.errors(include_url=False)[0]['msg']}"
-        return None, [*found, error("STATE-JOURNAL-CORRUPT", summary, path=shown(layout.journal))]
+        return None, [*found, error("STATE-JOURNAL-CORRUPT", summary, path=display(layout.journal))]
     if foreign and _steps(reading.records):
         found.append(_stale(layout, len(_steps(reading.records))))
     return Current(base, folded, reading, len(_steps(records)), foreign), found
@@ -192,7 +192,7 @@ def _stale(layout: Layout, count: int) -> Diagnostic:
     return warning(
         "STATE-JOURNAL-STALE",
         f"{count} steps in the journal continue another state file than the one that is there; they are skipped",
-        path=shown(layout.journal),
+        path=display(layout.journal),
         detail="the state file was replaced (a pull, a checkout, a copy) after a run that did not end",
         hint="the plan compares artifacts with the state that is there; what does not fit is shown as edited",
     )
@@ -206,9 +206,9 @@ def _history(layout: Layout, base: Snapshot | None) -> list[Diagnostic]:
         return []
     if base is None:
         summary = "there is no state file, but this machine wrote one before"
-        return [warning("STATE-MISSING", summary, path=shown(layout.snapshot), hint=recovery(layout))]
+        return [warning("STATE-MISSING", summary, path=display(layout.snapshot), hint=recovery(layout))]
     if document.get("lineage") != base.lineage:
         summary = f"the state has lineage {base.lineage}; this machine last wrote {document.get('lineage')}"
         hint = "if no one started this host's state again on purpose, restore the former one from git"
-        return [warning("STATE-LINEAGE", summary, path=shown(layout.snapshot), pointer="/lineage", hint=hint)]
+        return [warning("STATE-LINEAGE", summary, path=display(layout.snapshot), pointer="/lineage", hint=hint)]
     return []

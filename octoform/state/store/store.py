@@ -17,10 +17,10 @@ from octoform.records import dataclass
 from octoform.state import files, model
 from octoform.state.files import (
     Checkpoint,
+    display,
     make_folders,
     pass_by,
     read_regular,
-    shown,
     write_atomic,
 )
 from octoform.state.layout import Layout
@@ -155,7 +155,7 @@ class StateStore:
         there, problem = self._there()
         if problem is not None:
             return [problem]
-        wanted = self._folded.model_copy(update={"octoform": __version__, **_told(context)})
+        wanted = self._folded.model_copy(update={"octoform": __version__, **_facts_of(context)})
         if there is not None and content_digest(wanted) == content_digest(there):
             return self._settle(there)
         if there is None and not wanted.nodes and not self._dirty:
@@ -189,7 +189,7 @@ class StateStore:
         return None, error(
             "STATE-MOVED",
             "the state file was replaced while this run was going on; it is not overwritten",
-            path=shown(self._layout.snapshot),
+            path=display(self._layout.snapshot),
             detail=f"opened at serial {self._folded.serial}, now at serial {there.serial if there else '(none)'}",
             hint="the steps of this run are in the journal; restore the state file to fold them in, or plan again",
         )
@@ -202,7 +202,7 @@ class StateStore:
         return [problem] if problem is not None else []
 
 
-def _told(context: Context | None) -> dict[str, Any]:
+def _facts_of(context: Context | None) -> dict[str, Any]:
     if context is None:
         return {}
     return {"manifest_digest": context.manifest_digest, "git": context.git, "tier1": context.tier1}

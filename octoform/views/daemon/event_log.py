@@ -11,8 +11,8 @@ from typing import Any
 
 from octoform.base.escaping import escaped_json
 from octoform.daemon.model import Outcome, Status
-from octoform.daemon.reconcile.supervisor import Round
-from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.reconcile.supervisor import Cycle
+from octoform.daemon.store.incidents import Incident, Try
 from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import Diagnostic
 from octoform.views.format import problems, table
@@ -40,9 +40,9 @@ class Standing:
 
     def __init__(self) -> None:
         self._told: set[str] = set()
-        self._known: dict[str, Episode] = {}
+        self._known: dict[str, Incident] = {}
 
-    def fresh(self, made: Round) -> list[Episode]:
+    def fresh(self, made: Cycle) -> list[Incident]:
         """Those that are given up, or that nothing repairs, since the check cycle before."""
         for each in (*made.opened, *(episode for episode, _ in made.tried), *made.ended):
             self._known[each.key] = each
@@ -60,7 +60,7 @@ def named(target: str, sentence: str) -> str:
     return sentence if name in sentence else f"{target}: {sentence}"
 
 
-def seconds_of(episode: Episode) -> float | None:
+def seconds_of(episode: Incident) -> float | None:
     """From its first sign to its end; None while it lasts, and where a restart of the machine lies between."""
     if episode.closed_uptime is None or episode.closed_uptime < episode.opened_uptime:
         return None
@@ -77,7 +77,7 @@ class Lines:
         self._paused: str | None = None
         self._gone = False
 
-    def __call__(self, made: Round) -> None:
+    def __call__(self, made: Cycle) -> None:
         """Show one round; nothing any more once the terminal was closed, which ends the daemon in order (SIGHUP)."""
         if self._gone:
             return
@@ -88,7 +88,7 @@ class Lines:
         except OSError:
             self._gone = True
 
-    def _show(self, made: Round) -> None:
+    def _show(self, made: Cycle) -> None:
         self._wipe()
         stamp = clock(made.facts.stamp)
         for target, style, words, colour in self._events(made):
@@ -103,7 +103,7 @@ class Lines:
         with suppress(OSError):  # it may have been closed
             self._wipe()
 
-    def _events(self, made: Round) -> Iterator[tuple[str, Style, str, Style]]:
+    def _events(self, made: Cycle) -> Iterator[tuple[str, Style, str, Style]]:
         """What it is about and how it looks, what is stated of it and how that looks."""
         for problem in made.problems:
             yield "octoform", (), _problem(problem), ("yellow",)
@@ -125,7 +125,7 @@ class Lines:
         for episode in self._standing.fresh(made):
             yield episode.target, (), _needed(episode), ("red",)
 
-    def _draw(self, made: Round) -> None:
+    def _draw(self, made: Cycle) -> None:
         """The quiet line; it is drawn again only when something is written above it or it states something new."""
         if made.health is None or not self._console.out.isatty():
             return
@@ -155,7 +155,7 @@ class Objects:
         self._health: tuple[object, ...] | None = None
         self._paused: str | None = None
 
-    def __call__(self, made: Round) -> None:
+    def __call__(self, made: Cycle) -> None:
         """Show one check cycle; a check cycle in which nothing happened shows nothing."""
         emit = self._stream.emit
         self._stream.diagnostics(made.problems)
@@ -186,7 +186,7 @@ class Objects:
     def end(self) -> None:
         """Nothing is left to be shown."""
 
-    def _tell_health(self, made: Round) -> None:
+    def _tell_health(self, made: Cycle) -> None:
         health = made.health
         if health is None:
             return
@@ -199,14 +199,14 @@ class Objects:
 class Silence:
     """Nothing, for a command that prints one document at its end."""
 
-    def __call__(self, _made: Round) -> None:
+    def __call__(self, _made: Cycle) -> None:
         """Show nothing."""
 
     def end(self) -> None:
         """There is nothing to clear away."""
 
 
-def _tried(episode: Episode, tried: Try) -> dict[str, Any]:
+def _tried(episode: Incident, tried: Try) -> dict[str, Any]:
     return {
         "episode": episode.id,
         "target": episode.target,
@@ -217,14 +217,14 @@ def _tried(episode: Episode, tried: Try) -> dict[str, Any]:
     }
 
 
-def _under_way(made: Round) -> list[tuple[str, str]]:
+def _under_way(made: Cycle) -> list[tuple[str, str]]:
     """(target, repair) of what was begun and has not ended in the same check cycle."""
     over = {(episode.target, tried.repair) for episode, tried in made.tried}
     begun = [(each.finding.target, str(each.repair)) for each in made.begun if each.finding and each.repair]
     return [each for each in begun if each not in over]
 
 
-def _needed(episode: Episode) -> str:
+def _needed(episode: Incident) -> str:
     """Why, and where the whole of it is shown: a line of events is no place for a command that is cut."""
     return f"needs a person (octoform health): {episode.hint.partition('; ')[0] or episode.summary}"
 
@@ -260,7 +260,9 @@ _LATEST = (
 )
 
 
-def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic], count: int, *, as_json: bool) -> int:
+def listed(
+    console: Console, found: Sequence[Incident], diagnostics: Sequence[Diagnostic], count: int, *, as_json: bool
+) -> int:
     """All kinds with their figures, and the latest ``count`` incidents, the newest last."""
     latest = found[max(0, len(found) - count) :]
     if as_json:
@@ -271,7 +273,7 @@ def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic
         }
         console.raw(escaped_json(json.dumps(document, ensure_ascii=False, indent=2)))
         return 0
-    problems.show(console, said)
+    problems.show(console, diagnostics)
     if not found:
         console.line("Nothing is on record: no daemon has found anything wrong.")
         return 0
@@ -285,13 +287,13 @@ def listed(console: Console, found: Sequence[Episode], said: Sequence[Diagnostic
     return 0
 
 
-def kinds(found: Sequence[Episode]) -> list[str]:
+def kinds(found: Sequence[Incident]) -> list[str]:
     """The kinds that there are, the most frequent first."""
     names = [str(each.kind) for each in found]
     return sorted(set(names), key=lambda name: (-names.count(name), name))
 
 
-def figures(kind: str, found: Sequence[Episode]) -> dict[str, Any]:
+def figures(kind: str, found: Sequence[Incident]) -> dict[str, Any]:
     """Counts of one kind; seconds from the first sign to the end, over those that are over and can be timed."""
     of_kind = [each for each in found if str(each.kind) == kind]
     outcomes = [each.outcome for each in of_kind if each.over]
@@ -311,18 +313,24 @@ def figures(kind: str, found: Sequence[Episode]) -> dict[str, Any]:
     }
 
 
-def _figures(told: dict[str, Any]) -> tuple[str, ...]:
-    times = (told["median_seconds"], told["p95_seconds"])
-    counts = (told["count"], told["repaired"], told["cleared"], told["open"], told["frozen"] + told["surfaced"])
+def _figures(figures: dict[str, Any]) -> tuple[str, ...]:
+    times = (figures["median_seconds"], figures["p95_seconds"])
+    counts = (
+        figures["count"],
+        figures["repaired"],
+        figures["cleared"],
+        figures["open"],
+        figures["frozen"] + figures["surfaced"],
+    )
     return (
-        told["kind"],
+        figures["kind"],
         *(str(count) for count in counts),
         *("-" if seconds is None else length(seconds) for seconds in times),
-        str(told["agent_calls"]),
+        str(figures["agent_calls"]),
     )
 
 
-def _row(each: Episode) -> Iterator[str]:
+def _row(each: Incident) -> Iterator[str]:
     took = seconds_of(each)
     yield each.id
     yield clock(each.opened)

@@ -15,7 +15,7 @@ from octoform.base.escaping import escaped_json
 from octoform.daemon.health import ORDER, Health, Part
 from octoform.daemon.model import Outcome, Repair, Status
 from octoform.daemon.notices import Failing
-from octoform.daemon.status import Survey, Trouble
+from octoform.daemon.status import OpenProblem, Survey
 from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import to_json
 from octoform.views.daemon.event_log import EXIT, named
@@ -51,10 +51,10 @@ def health(console: Console, found: Survey, *, as_json: bool, now: datetime | No
     _first(console, found, now)
     if found.recorded:
         console.wrapped("  ", recorded(found.recorded), indent=4)
-    troubles = sorted(found.troubles, key=_rank)
+    troubles = sorted(found.problems, key=_rank)
     for trouble in troubles[:MOST]:
         console.line()
-        for line in _trouble(console, trouble, now):
+        for line in _problem_lines(console, trouble, now):
             console.line(line)
     if len(troubles) > MOST:
         console.line(f"\n  and {len(troubles) - MOST} more: octoform incidents")
@@ -90,7 +90,7 @@ def document(found: Survey) -> dict[str, Any]:
                 "do": each.do,
                 "episode": episode_json(each.episode) if each.episode is not None and each.episode.id else None,
             }
-            for each in found.troubles
+            for each in found.problems
         ],
         "todo": [{"command": command, "why": why} for command, why in found.todo],
         "recorded": bool(found.recorded),
@@ -104,7 +104,7 @@ def _first(console: Console, found: Survey, now: datetime) -> None:
     status = found.health.status
     word = console.paint(str(status).upper() if status is not Status.HEALTHY else "healthy", *STYLES[status])
     worst = _worst(found)
-    trouble = next((each for each in found.troubles if worst is not None and each.target == worst.target), None)
+    trouble = next((each for each in found.problems if worst is not None and each.target == worst.target), None)
     if worst is None:
         return console.line(f"{found.health.host}: {word}")
     since = _since(trouble.since if trouble is not None else None, now)
@@ -122,12 +122,12 @@ def _what(part: Part) -> str:
     return named(part.target, part.why)
 
 
-def _rank(trouble: Trouble) -> tuple[int, bool, str]:
+def _rank(problem: OpenProblem) -> tuple[int, bool, str]:
     """The worst first, of these what waits for a person."""
-    episode = trouble.episode
+    episode = problem.episode
     if episode is None:
         return 0, True, ""
-    return -ORDER.index(episode.status), episode.outcome is Outcome.OPEN, trouble.since or ""
+    return -ORDER.index(episode.status), episode.outcome is Outcome.OPEN, problem.since or ""
 
 
 def _wrapped(console: Console, head: str, text: str) -> Iterator[str]:
@@ -145,24 +145,24 @@ def _since(stamp: str | None, now: datetime) -> str:
     return f"since {clock(stamp, now)}{f' ({passed})' if passed else ''}"
 
 
-def _trouble(console: Console, trouble: Trouble, now: datetime) -> Iterator[str]:
-    episode = trouble.episode
+def _problem_lines(console: Console, problem: OpenProblem, now: datetime) -> Iterator[str]:
+    episode = problem.episode
     style = STYLES[episode.status] if episode is not None else ("yellow",)
-    yield f"  {console.paint(one_line(trouble.target, 100), *style)}"
-    yield from _wrapped(console, "    ", trouble.summary)
-    if trouble.since:
-        yield f"    since  {_since(trouble.since, now).removeprefix('since ')}"
+    yield f"  {console.paint(one_line(problem.target, 100), *style)}"
+    yield from _wrapped(console, "    ", problem.summary)
+    if problem.since:
+        yield f"    since  {_since(problem.since, now).removeprefix('since ')}"
     if episode is not None and episode.tries:
-        yield from _wrapped(console, "    tried  ", _tried(trouble, now))
-    if trouble.waits:
-        yield from _wrapped(console, "    now    ", trouble.waits)
-    if trouble.do:  # a command is not broken: it is copied
-        yield f"    do     {console.paint(one_line(trouble.do, MOST_CHARACTERS), 'bold')}"
+        yield from _wrapped(console, "    tried  ", _tried(problem, now))
+    if problem.waits:
+        yield from _wrapped(console, "    now    ", problem.waits)
+    if problem.do:  # a command is not broken: it is copied
+        yield f"    do     {console.paint(one_line(problem.do, MOST_CHARACTERS), 'bold')}"
 
 
-def _tried(trouble: Trouble, now: datetime) -> str:
+def _tried(problem: OpenProblem, now: datetime) -> str:
     """``restart 3 times, rebuild; the last one 2 min ago failed: no such file``."""
-    tries = trouble.episode.tries if trouble.episode is not None else []
+    tries = problem.episode.tries if problem.episode is not None else []
     counts: dict[str, int] = {}
     for each in tries:
         counts[each.repair] = counts.get(each.repair, 0) + 1
@@ -175,7 +175,7 @@ def _tried(trouble: Trouble, now: datetime) -> str:
 
 def _beside(console: Console, found: Survey) -> Iterator[str]:
     """What is not healthy and is no problem of its own: a device that is not there, a claim, a person's stop."""
-    names = {each.target for each in found.troubles}
+    names = {each.target for each in found.problems}
     parts = [each for each in found.health.parts if each is not _worst(found)]
     shown = [each for each in parts if each.target not in names and not each.target.startswith("unit:")]
     for part in shown[:MOST]:

@@ -8,7 +8,7 @@ from octoform.base.escaping import escaped_json
 from octoform.claims.codec import to_json as claim_json
 from octoform.claims.model import Claim, State
 from octoform.daemon.requests import GivenUp
-from octoform.daemon.store.backoff import Breaker
+from octoform.daemon.store.backoff import Backoff
 from octoform.daemon.store.instance_lock import Record
 from octoform.views.format.console import Console
 from octoform.views.format.values import ago, clock, one_line
@@ -61,7 +61,7 @@ def healed(console: Console, known: GivenUp, retried: Sequence[str], status: str
     return 0
 
 
-def _list(console: Console, known: GivenUp, frozen: Sequence[Breaker]) -> None:
+def _list(console: Console, known: GivenUp, frozen: Sequence[Backoff]) -> None:
     if not frozen:
         return
     console.line(f"\n{counted(len(frozen), 'trouble')} given up, until a person fixes the cause:")
@@ -71,7 +71,7 @@ def _list(console: Console, known: GivenUp, frozen: Sequence[Breaker]) -> None:
         console.line(f"    do     {console.paint(one_line(_do(known, each), WIDTH), 'bold')}")
 
 
-def _do(known: GivenUp, each: Breaker) -> str:
+def _do(known: GivenUp, each: Backoff) -> str:
     return known.advice.get(each.target) or f"octoform heal -retry {each.target}"
 
 
@@ -86,8 +86,8 @@ def _names(names: Sequence[str]) -> str:
     return one_line(", ".join(names), WIDTH)
 
 
-def _object(console: Console, told: dict[str, object]) -> int:
-    console.raw(escaped_json(json.dumps({"format": 1, **told}, ensure_ascii=False)))
+def _object(console: Console, document: dict[str, object]) -> int:
+    console.raw(escaped_json(json.dumps({"format": 1, **document}, ensure_ascii=False)))
     return 0
 
 

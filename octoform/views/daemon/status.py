@@ -93,7 +93,7 @@ def _document(found: Status, surveyed: Survey, reasons: Sequence[str]) -> dict[s
         "reasons": list(reasons),
         "tools": list(found.tools),
         "running": process.running is not None,
-        "process": None if process.running is None else {**asdict(process.running), **(process.told or {})},
+        "process": None if process.running is None else {**asdict(process.running), **(process.reported or {})},
         "estop": process.estop,
         "tokens": process.tokens,
         "others": list(found.others),
@@ -110,7 +110,7 @@ def _watched(daemon: Record | None) -> str:
 
 def _process(process: Process) -> Iterator[str]:
     """What there is to tell of the process; members of its answer that this octoform does not know are omitted."""
-    running, found = process.running, process.told or {}
+    running, found = process.running, process.reported or {}
     if running is None:
         return
     clients = found.get("clients")

@@ -143,7 +143,7 @@ def records(console: Console, found: Sequence[Record], count: int, *, as_json: b
 
 
 def _show(console: Console, record: Record, moment: str) -> None:
-    word, *sentences = _told(record)
+    word, *sentences = _describe(record)
     painted = console.paint(f"{one_line(word, 11):11}", *([_COLOURS[word]] if word in _COLOURS else []))
     lead = f"{record.get('seq', ''):>6}  {moment}  {painted}"
     for sentence in sentences or [""]:
@@ -151,7 +151,7 @@ def _show(console: Console, record: Record, moment: str) -> None:
         lead = " " * (len(moment) + 21)
 
 
-def _told(record: Record) -> list[str]:
+def _describe(record: Record) -> list[str]:
     """A word for what happened, and its sentences."""
     event = str(record.get("event"))
     try:

@@ -8,7 +8,7 @@ from typing import Any
 
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, error, to_json
-from octoform.endpoint.mcp_clients.install import Outcome, Sight
+from octoform.endpoint.mcp_clients.install import ClientState, Outcome
 from octoform.endpoint.process.record import Running
 from octoform.engine.clients import Listing, Printed, notes
 from octoform.engine.endpoint_process import Started, Stopped, Unit
@@ -141,7 +141,7 @@ _STATES = {
 def listing(console: Console, found: Listing, diagnostics: Sequence[Diagnostic], *, as_json: bool) -> int:
     """One line for each client: its name for the command line, the state, the file."""
     if as_json:
-        document = {"format": 1, "host": found.host, "clients": [_sight(item) for item in found.sights]}
+        document = {"format": 1, "host": found.host, "clients": [_client_document(item) for item in found.sights]}
         _json(console, document, diagnostics)
         return 0
     problems.show(console, diagnostics)
@@ -152,7 +152,7 @@ def listing(console: Console, found: Listing, diagnostics: Sequence[Diagnostic],
     return 0
 
 
-def _state(console: Console, item: Sight) -> str:
+def _state(console: Console, item: ClientState) -> str:
     if item.state == "installed" and not item.current:
         renew = f"octoform clients install {item.client.key} renews it"
         return console.paint(f"installed ({item.transport}), out of date: {renew}", "yellow")
@@ -160,7 +160,7 @@ def _state(console: Console, item: Sight) -> str:
     return console.paint(text, _COLOURS[item.state]) if item.state in _COLOURS else text
 
 
-def _sight(item: Sight) -> dict[str, Any]:
+def _client_document(item: ClientState) -> dict[str, Any]:
     return {
         "client": item.client.key,
         "title": item.client.title,

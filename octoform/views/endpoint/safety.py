@@ -11,7 +11,7 @@ from octoform.endpoint.access.limits import Limited, Limits
 from octoform.endpoint.access.tokens import Made
 from octoform.endpoint.access.tunnel import Revocation
 from octoform.endpoint.process.estop import Estop
-from octoform.engine.safety import Shown
+from octoform.engine.safety import TokenValue
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
@@ -194,7 +194,7 @@ def listed(console: Console, tokens: Sequence[Token], *, as_json: bool) -> int:
     return 0
 
 
-def value(console: Console, name: str, found: Shown, *, as_json: bool) -> int:
+def value(console: Console, name: str, found: TokenValue, *, as_json: bool) -> int:
     """The value alone, so that a script can take it."""
     if as_json:
         return document(console, {"format": 1, "name": name, "value": found.value, "file": str(found.path)})

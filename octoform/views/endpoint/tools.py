@@ -193,7 +193,7 @@ def one(console: Console, look: Look, saved: Path | None, *, as_json: bool) -> i
             console.line(f"saved {saved}")
     if isinstance(look.outcome, Diagnostic):
         return 1
-    return 2 if look.trouble else 0
+    return 2 if look.problem else 0
 
 
 def _line(console: Console, look: Look) -> str:
@@ -210,8 +210,8 @@ def _line(console: Console, look: Look) -> str:
     ]
     if frame is not None and frame.difference is not None:
         parts.append(f"difference {frame.difference:.1f}")
-    if look.trouble:
-        parts.append(console.paint(f"shows nothing: {look.trouble}", "yellow"))
+    if look.problem:
+        parts.append(console.paint(f"shows nothing: {look.problem}", "yellow"))
     return "  ".join(parts)
 
 
@@ -235,7 +235,7 @@ def _document(look: Look, saved: Path | None) -> dict[str, Any]:
             "height": taken.height,
             "mean": taken.picture.mean,
             "spread": taken.picture.spread,
-            "complaint": look.trouble,
+            "complaint": look.problem,
             "difference": frame.difference if frame else None,
         }
     return {

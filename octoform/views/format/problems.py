@@ -26,15 +26,15 @@ def renamed(console: Console, former: str, name: str) -> None:
     console.problem(f"octoform: `octoform {former}` is now `octoform {name}`; the next version knows the new name only")
 
 
-def interrupted(console: Console, said: str = GOES_ON) -> int:
-    """Ctrl-C; exit code 130. ``said`` is what that means for the work at hand."""
-    console.problem(f"\noctoform: interrupted; {said}")
+def interrupted(console: Console, text: str = GOES_ON) -> int:
+    """Ctrl-C; exit code 130. ``text`` is what that means for the work at hand."""
+    console.problem(f"\noctoform: interrupted; {text}")
     return 130
 
 
-def stopped(console: Console, number: int, said: str = GOES_ON) -> int:
+def stopped(console: Console, number: int, text: str = GOES_ON) -> int:
     """Ended by a signal; exit code 128 and its number, as a shell has it."""
-    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {said}")
+    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {text}")
     return 128 + number
 
 

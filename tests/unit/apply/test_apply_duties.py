@@ -9,13 +9,13 @@ import pytest
 
 from octoform.apply import heal
 from octoform.apply.context import HEALED
-from octoform.apply.duty_input import beheld, claims_of, failures_of, readings_of, since_of, summary_of
+from octoform.apply.duty_input import camera_frames, claims_of, failures_of, readings_of, since_of, summary_of
 from octoform.apply.duty_outcome import DutyOutcome, refusal
 from octoform.apply.heal import Healed, no_worse
 from octoform.base import digest
 from octoform.base.digest import of_bytes
 from octoform.diagnostics import error
-from octoform.endpoint.client.check import CheckReport, TrialCall
+from octoform.endpoint.client.check import CheckReport, SampleCallResult
 from octoform.harness.port import Usage
 from octoform.manifest.model import Perception
 from octoform.perception.frames import RECORD
@@ -61,18 +61,18 @@ def test_a_refusal_says_whether_another_try_makes_sense() -> None:
     assert refusal([error("APPLY-TIMEOUT", "it took too long")]).again
     for code in ("APPLY-AUTH", "HARNESS-UNKNOWN", "DUTY-NOT-APPLIED"):
         assert not refusal([error(code, "no")]).again
-    found = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).told()
+    found = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).to_document()
     assert found["spent"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
     assert len(found["detail"]) == 600 and found["detail"].startswith("\\x1b") and found["report"] is None
-    assert DutyOutcome(ok=True, detail="").told()["spent"]["usd"] == 0.0
+    assert DutyOutcome(ok=True, detail="").to_document()["spent"]["usd"] == 0.0
 
 
-def call(tool: str, *, ok: bool = True, kind: str | None = None, **more: Any) -> TrialCall:
+def call(tool: str, *, ok: bool = True, kind: str | None = None, **more: Any) -> SampleCallResult:
     given: dict[str, Any] = {"error_class": kind, "message": None if ok else "m", "logged": True, "ended_well": ok}
-    return TrialCall(tool, ok=ok, **(given | more))
+    return SampleCallResult(tool, ok=ok, **(given | more))
 
 
-def report(*calls: TrialCall, answered: bool = True) -> CheckReport:
+def report(*calls: SampleCallResult, answered: bool = True) -> CheckReport:
     tools = tuple({"name": item.tool} for item in calls)
     return CheckReport(answered, None if answered else "gone", None, None, tools, calls, 0.0)
 
@@ -155,7 +155,7 @@ def seen(number: int, source: str = "cam") -> dict[str, Any]:
 def test_two_pictures_at_most_each_with_the_reading_that_vouches_for_it(tmp_path: Path) -> None:
     layout, on = Layout(tmp_path, "bench"), Perception(enabled=True)
     looked(layout, current=frame(layout, "current.jpg", b"c"), previous=frame(layout, "previous.jpg", b"p"))
-    found = beheld(layout, on, [seen(1), seen(2), seen(3)])
+    found = camera_frames(layout, on, [seen(1), seen(2), seen(3)])
     assert [dict(item) for item in found.frames] == [
         {"reading": "v3", "file": "current.jpg"},
         {"reading": "v2", "file": "previous.jpg"},
@@ -163,7 +163,7 @@ def test_two_pictures_at_most_each_with_the_reading_that_vouches_for_it(tmp_path
     assert found.files == {"current.jpg": b"c", "previous.jpg": b"p"} and found.perception["available"] is True
     assert found.perception["summary"].startswith(f"0 looks since {AT}")
     (layout.frames / "previous.jpg").write_bytes(b"of another look")
-    assert len(beheld(layout, on, [seen(1), seen(2)]).frames) == 1
+    assert len(camera_frames(layout, on, [seen(1), seen(2)]).frames) == 1
 
 
 @pytest.mark.parametrize("case", ["off", "never", "absent", "black", "unread", "other camera", "no record"])
@@ -176,7 +176,7 @@ def test_without_a_picture_the_reason_is_told_and_nothing_breaks(tmp_path: Path,
         looked(layout, format=9)
     elif case != "never":
         looked(layout, current=frame(layout, "current.jpg", b"c", complaint="black" if case == "black" else None))
-    found = beheld(layout, on, readings)
+    found = camera_frames(layout, on, readings)
     assert found.frames == () and not found.files and found.perception["available"] is False and found.reason
     assert (found.perception["summary"] is None) == (case in ("off", "never", "no record"))
 

@@ -140,7 +140,7 @@ def test_without_a_copy_nothing_is_replaced(folder: Path, monkeypatch: pytest.Mo
 def test_the_agent_is_told_which_packages_serve_and_which_must_not_meet(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(heal, "told_log", lambda context, brief: LogSlice("TypeError: no such method"))
+    monkeypatch.setattr(heal, "log_excerpt", lambda context, brief: LogSlice("TypeError: no such method"))
     deploy = {
         "requirements": [{"name": "pyserial", "version": "3.5", "why": "the arm"}],
         "conflicts": ["two packages \x1b[31m provide one module"],

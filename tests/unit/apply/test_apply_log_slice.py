@@ -6,7 +6,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.apply.duty_input import ERROR_BYTES, LOG_BYTES, is_trouble, slice_of, sliced
+from octoform.apply.duty_input import ERROR_BYTES, LOG_BYTES, is_problem, slice_of, sliced
 from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.logs import CALLS, SERVER, Line
@@ -103,8 +103,8 @@ def test_lines_of_a_clock_that_was_ahead_take_no_room_from_what_came_after(tmp_p
 
 
 def test_what_is_trouble() -> None:
-    assert is_trouble(result(1, ok=False)) and not is_trouble(result(1, ok=True))
+    assert is_problem(result(1, ok=False)) and not is_problem(result(1, ok=True))
     fields = {"event": "result", "ok": True, "value": "error: none"}
-    assert not is_trouble(Line(0.0, CALLS, json.dumps(fields), fields)), "a tool may read the word"
-    assert is_trouble(Line(0.0, SERVER, "Traceback (most recent call last):"))
-    assert not is_trouble(Line(0.0, SERVER, "listening"))
+    assert not is_problem(Line(0.0, CALLS, json.dumps(fields), fields)), "a tool may read the word"
+    assert is_problem(Line(0.0, SERVER, "Traceback (most recent call last):"))
+    assert not is_problem(Line(0.0, SERVER, "listening"))

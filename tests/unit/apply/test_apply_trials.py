@@ -242,12 +242,12 @@ def test_what_a_tool_says_of_a_unit_that_stays_is_kept() -> None:
 def test_a_unit_that_was_limp_is_limp_again_and_one_that_held_goes_on_holding() -> None:
     arm = an_arm()
     one = restored(arm)
-    assert codes(one) == [] and one.restored and one.told()["restored"] is True
+    assert codes(one) == [] and one.restored and one.to_document()["restored"] is True
     assert arm.calls[-2] == ("arm_set_torque", {"joint": "elbow_flex", "on": False})
     assert not arm.bus.servos[3].torque and one.back is not None
     arm.bus.servos[5].registers[40] = 1
     one = restored(arm, "wrist_roll")
-    assert codes(one) == [] and arm.bus.servos[5].torque and "restored" not in one.told()
+    assert codes(one) == [] and arm.bus.servos[5].torque and "restored" not in one.to_document()
     assert [given for tool, given in arm.calls if tool == "arm_set_torque"] == [{"joint": "elbow_flex", "on": False}]
     assert tried(arm, "gripper").restored is False and arm.bus.servos[6].torque
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.base.serials import NONE, PATTERN, UNIQUE, same, tells_apart, weight
+from octoform.base.serials import NONE, PATTERN, UNIQUE, is_distinctive, same, weight
 
 DEFAULTS = [
     *("03000200-0400-0500-0006-000700080009", "0100020003000400", "FIXME001", "changeme-01"),
@@ -123,26 +123,26 @@ GOOD = [
 @pytest.mark.parametrize("serial", [*DEFAULTS, *TYPED, *WORDS])
 def test_a_default_tells_nothing_apart(serial: str) -> None:
     assert weight(serial) < UNIQUE
-    assert not tells_apart(serial)
-    assert not tells_apart(serial, ["D744C4C5"])
+    assert not is_distinctive(serial)
+    assert not is_distinctive(serial, ["D744C4C5"])
     assert weight(serial) in (NONE, PATTERN)
 
 
 @pytest.mark.parametrize("serial", GOOD)
 def test_a_number_of_its_own_does(serial: str) -> None:
-    assert tells_apart(serial) and tells_apart(serial, ["0001"])
-    assert not tells_apart(serial, [serial.lower()]), "one that two units share is no number"
+    assert is_distinctive(serial) and is_distinctive(serial, ["0001"])
+    assert not is_distinctive(serial, [serial.lower()]), "one that two units share is no number"
 
 
 def test_a_short_number_counts_where_units_show_different_ones() -> None:
-    assert not tells_apart("A5")
-    assert tells_apart("A5", ["B7"])
-    assert not tells_apart("A5", ["B7", "0001"])
+    assert not is_distinctive("A5")
+    assert is_distinctive("A5", ["B7"])
+    assert not is_distinctive("A5", ["B7", "0001"])
 
 
 @pytest.mark.parametrize("serial", ["CP2102", "FT232R", "CP2102N USB to UART"])
 def test_what_reads_like_the_name_of_a_chip_needs_another_that_differs(serial: str) -> None:
-    assert not tells_apart(serial)
+    assert not is_distinctive(serial)
 
 
 @pytest.mark.parametrize("said", ["Otter Cam 3000-X2", "1f00 00c1"])

@@ -13,7 +13,7 @@ from octoform.builtin.task import Task, TaskRefused
 from octoform.builtin.watch import answer, run
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.report_context import DutyFacts, told_tools
+from octoform.contracts.report_context import DutyFacts, tool_facts
 from octoform.protocol import schema_dir
 
 LAMP, METER = "usb-1234-0001", "hwmon-meter"
@@ -47,7 +47,7 @@ def document(
         for n, (tool, error, message) in enumerate(failures)
     ]
     base = {"format": 1, "host": "bench", "readings": rows, "failures": failed, "claims": [], "frames": []}
-    return {**base, "tools": told_tools(INTERFACE), "devices": [], "summary": None, **more}
+    return {**base, "tools": tool_facts(INTERFACE), "devices": [], "summary": None, **more}
 
 
 def refusals(given: dict[str, Any], report: object) -> list[str]:

@@ -41,7 +41,7 @@ def change(path: Path, edit: Callable[[dict[str, Any]], None]) -> None:
 
 
 def test_nothing_is_written_where_there_is_nothing_to_keep(bench: Bench) -> None:
-    assert bench.ledger.active() == () and bench.ledger.told() == ()
+    assert bench.ledger.active() == () and bench.ledger.new_diagnostics() == ()
     assert [path.name for path in bench.layout.daemon.iterdir()] == [ledgers.LOCK]
     assert bench.ledger.expire() == () and not bench.layout.restrictions.exists()
 
@@ -52,7 +52,7 @@ def test_all_of_it_is_there_again_after_a_restart(bench: Bench) -> None:
     claim = bench.claim(hot)
     held, known = bench.ledger.active(), bench.ledger.latest()
     again = bench.again()
-    assert again.active() == held == (claim,) and set(again.latest()) == set(known) and again.told() == ()
+    assert again.active() == held == (claim,) and set(again.latest()) == set(known) and again.new_diagnostics() == ()
     assert again.find(hot.id) == hot and again.readings_of(heat()) == (hot,)
     for path in bench.layout.daemon.iterdir():
         assert path.stat().st_mode & 0o077 == 0
@@ -120,10 +120,10 @@ def test_a_ledger_that_cannot_be_read_is_said_set_aside_and_restricts_nothing(be
     damaged = DAMAGES[how](path.read_bytes())
     path.write_bytes(damaged)
     ledger = bench.again()
-    assert [item.code for item in ledger.told()] == ["CLAIM-LEDGER-DAMAGED"]
+    assert [item.code for item in ledger.new_diagnostics()] == ["CLAIM-LEDGER-DAMAGED"]
     assert ledger.active() == () and restricted(bench) == []
     assert path.with_name(f"{path.name}.aside").read_bytes() == damaged
-    assert bench.again().told() == ()
+    assert bench.again().new_diagnostics() == ()
     bench.clock.now += 1
     assert bench.code(bench.read(70)) == ""  # trouble that lasts is claimed anew
 
@@ -134,7 +134,7 @@ def test_a_ledger_that_is_a_link_or_vanishes_restricts_nothing(bench: Bench) -> 
     path.rename(path.with_name("elsewhere"))
     assert bench.ledger.active() == () and restricted(bench) == []
     path.symlink_to("elsewhere")
-    assert bench.ledger.active() == () and [item.code for item in bench.ledger.told()] == ["STATE-LINK"]
+    assert bench.ledger.active() == () and [item.code for item in bench.ledger.new_diagnostics()] == ["STATE-LINK"]
 
 
 def test_what_a_person_made_true_survives_the_loss_of_the_ledger(bench: Bench) -> None:
@@ -229,12 +229,12 @@ def test_damaged_readings_are_left_out_and_said(bench: Bench) -> None:
     lines = path.read_bytes().splitlines(keepends=True)
     path.write_bytes(lines[0] + b"\xff" + lines[1] + lines[2] + b'{"id": "torn')
     ledger = bench.again()
-    assert [item.code for item in ledger.told()] == ["CLAIM-READINGS-DAMAGED"]
+    assert [item.code for item in ledger.new_diagnostics()] == ["CLAIM-READINGS-DAMAGED"]
     assert ledger.find(first.id) is None and ledger.find(second.id) == second
     bench.read(71)  # is not glued to the torn line
     assert bench.again().find(second.id) == second and len(bench.ledger.readings_of(heat())) == 2
     path.write_bytes(b"no readings")
-    assert [item.code for item in bench.again().told()] == ["CLAIM-READINGS-DAMAGED"]
+    assert [item.code for item in bench.again().new_diagnostics()] == ["CLAIM-READINGS-DAMAGED"]
     assert bench.ledger.latest() == () and path.with_name(f"{path.name}.aside").read_bytes() == b"no readings"
     assert bench.code(bench.read(70)) == ""
 
@@ -268,7 +268,7 @@ def test_a_claim_that_cannot_be_written_is_none(bench: Bench, monkeypatch: pytes
     with monkeypatch.context() as patch:
         patch.setattr("octoform.claims.codec.write_atomic", lambda *_: full)
         assert bench.claim(hot) == full
-        assert bench.ledger.active() == () and full in bench.ledger.told()
+        assert bench.ledger.active() == () and full in bench.ledger.new_diagnostics()
     assert not claims_file(bench).exists() and bench.again().active() == ()
     claim = bench.claim(hot)
     assert isinstance(claim, Claim)
@@ -294,7 +294,7 @@ def test_a_folder_that_nobody_may_write_is_said_and_can_still_be_read(
 
     monkeypatch.setattr(os, "open", refused)
     ledger = bench.again()
-    assert ledger.active() == (claim,) and {item.code for item in ledger.told()} == {"CLAIM-LEDGER-LOCK"}
+    assert ledger.active() == (claim,) and {item.code for item in ledger.new_diagnostics()} == {"CLAIM-LEDGER-LOCK"}
 
 
 def test_nobody_waits_for_ever_for_a_process_that_stands_still_with_the_lock(
@@ -310,9 +310,9 @@ def test_nobody_waits_for_ever_for_a_process_that_stands_still_with_the_lock(
         bench.clock.now += 1
         bench.read(50)  # letting go needs no lock
         assert bench.ledger.active() == () and restricted(bench) == [] and claims_file(bench).read_bytes() == kept
-    assert {item.code for item in bench.ledger.told()} == {"CLAIM-LEDGER-LOCK"}
+    assert {item.code for item in bench.ledger.new_diagnostics()} == {"CLAIM-LEDGER-LOCK"}
     bench.ledger.expire()
-    assert bench.again().recent()[-1].state is State.RETIRED and bench.ledger.told() == ()
+    assert bench.again().recent()[-1].state is State.RETIRED and bench.ledger.new_diagnostics() == ()
 
 
 def test_two_processes_see_what_the_other_did(bench: Bench) -> None:
@@ -349,7 +349,7 @@ def test_processes_that_write_at_once_lose_nothing(tmp_path: Path) -> None:
         worker.join(30)
     assert [worker.exitcode for worker in workers] == [0, 0, 0]
     bench = Bench(tmp_path)
-    assert bench.ledger.told() == () and len(bench.ledger.active()) == 24
+    assert bench.ledger.new_diagnostics() == () and len(bench.ledger.active()) == 24
     assert len({claim.id for claim in bench.ledger.active()}) == 24
     assert all(len(bench.ledger.readings_of(load(f"p{number}"))) == 8 for number in range(3))
 

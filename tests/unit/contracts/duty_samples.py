@@ -8,7 +8,7 @@ from unit.contracts.contract_samples import SCHEMAS
 
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.report_context import DutyFacts, told_devices, told_tools
+from octoform.contracts.report_context import DutyFacts, device_facts, tool_facts
 
 ARM, CAMERA = "usb-1234-0007", "usb-1234-0001"
 
@@ -70,8 +70,8 @@ WATCH_INPUT: dict[str, Any] = {
     "log": "",
     "claims": [],
     "summary": None,
-    "devices": told_devices(INTERFACE, IDENTIFY),
-    "tools": told_tools(INTERFACE),
+    "devices": device_facts(INTERFACE, IDENTIFY),
+    "tools": tool_facts(INTERFACE),
     "frames": [],
     "perception": {"available": False, "reason": "switched off"},
 }
@@ -109,9 +109,9 @@ HEAL_INPUT: dict[str, Any] = {
     "host": "bench",
     "target": "tool:capture_image",
     "error": ERROR,
-    "tool": next(item for item in told_tools(INTERFACE) if item["name"] == "capture_image"),
+    "tool": next(item for item in tool_facts(INTERFACE) if item["name"] == "capture_image"),
     "functions": ["capture_image", "_grab"],
-    "device": told_devices(INTERFACE, IDENTIFY)[1],
+    "device": device_facts(INTERFACE, IDENTIFY)[1],
     "readings": READINGS,
     "failures": [FAILURE],
     "log": "",

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.contracts.report_context import told_devices, told_tools
+from octoform.contracts.report_context import device_facts, tool_facts
 
 ARM, CAMERA, RAIL = "usb-1234-0007", "usb-1234-0001", "usb-1234-0009"
 JOINTS = ["base", "shoulder", "elbow", "wrist"]
@@ -69,7 +69,7 @@ def _failed(tool: str, at: str, error: str, message: str, count: int) -> tuple[R
 
 def _input(readings: list[Row], failures: list[Row], log: str, **more: Any) -> Row:
     base: Row = {"format": 1, "host": "bench", "since": "2026-03-04T07:00:00Z", "claims": [], "summary": None}
-    base |= {"devices": told_devices(INTERFACE, None), "tools": told_tools(INTERFACE), "frames": []}
+    base |= {"devices": device_facts(INTERFACE, None), "tools": tool_facts(INTERFACE), "frames": []}
     perception = {"available": False, "reason": "switched off"}
     return {**base, "readings": readings, "failures": failures, "log": log, "perception": perception, **more}
 

@@ -11,7 +11,7 @@ from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
 from octoform.daemon.evidence import Evidence
-from octoform.daemon.health import Health, compose, stand, worse
+from octoform.daemon.health import Health, compose, snapshot, worse
 from octoform.daemon.model import Facts, Status
 from octoform.daemon.signals import current, measured
 from octoform.daemon.status_file import Bulletin
@@ -159,9 +159,9 @@ def test_a_position_that_says_why_it_is_unknown_is_an_answer_and_a_bare_null_is_
 
 
 def test_a_repair_that_starts_the_endpoint_anew_is_not_worse_for_a_position_that_must_be_counted_again() -> None:
-    before = stand(facts(), [sensed(X, 1200), sensed(WHY, None)])
-    assert worse(before, stand(facts(), [sensed(X, None, 2.0), sensed(WHY, "home makes it known", 2.0)])) is None
-    assert worse(before, stand(facts(), [sensed(X, None, 2.0), sensed(WHY, None, 2.0)])) is not None
+    before = snapshot(facts(), [sensed(X, 1200), sensed(WHY, None)])
+    assert worse(before, snapshot(facts(), [sensed(X, None, 2.0), sensed(WHY, "home makes it known", 2.0)])) is None
+    assert worse(before, snapshot(facts(), [sensed(X, None, 2.0), sensed(WHY, None, 2.0)])) is not None
 
 
 def test_the_daemon_misses_what_measured_before_and_asks_nothing_of_what_never_did(layout: Layout) -> None:

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 
 from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State
 from octoform.daemon import health
-from octoform.daemon.health import Stand, compose, stand, worse
-from octoform.daemon.model import Facts, Kind, Outcome, Sighting, Status
+from octoform.daemon.health import HealthSnapshot, compose, snapshot, worse
+from octoform.daemon.model import Facts, Kind, LastSeen, Outcome, Status
 from octoform.endpoint.process.record import Running
 
 PROCESS = Running(10, 20, ("launch",), "one", "2026-01-01T00:00:00Z", "local", None)
-WELL = Facts(100.0, "2026-01-01T00:01:40Z", "bench", process=PROCESS, answers=True, devices={"usb-1": Sighting(True)})
+WELL = Facts(100.0, "2026-01-01T00:01:40Z", "bench", process=PROCESS, answers=True, devices={"usb-1": LastSeen(True)})
 HEAT = Signal(Channel.SENSOR, "arm_read", "/joints/elbow/heat")
 
 
@@ -41,9 +41,9 @@ NOT_HEALTHY = [
     (replace(WELL, answers=None), Status.UNKNOWN),
     (replace(WELL, applied=False), Status.UNKNOWN),
     (replace(WELL, latched=True), Status.DEGRADED),
-    (replace(WELL, devices={"usb-1": Sighting(None)}), Status.UNKNOWN),
-    (replace(WELL, devices={"usb-1": Sighting(False)}), Status.DEGRADED),
-    (replace(WELL, devices={"usb-1": Sighting(True, doubt="two")}), Status.DEGRADED),
+    (replace(WELL, devices={"usb-1": LastSeen(None)}), Status.UNKNOWN),
+    (replace(WELL, devices={"usb-1": LastSeen(False)}), Status.DEGRADED),
+    (replace(WELL, devices={"usb-1": LastSeen(True, doubt="two")}), Status.DEGRADED),
 ]
 
 
@@ -95,7 +95,7 @@ def test_a_claim_counts_until_a_newer_reading_of_its_signal_speaks_against_it() 
 def test_never_healthy_while_something_cannot_report(
     readings: list[Reading], there: bool | None, answers: bool | None
 ) -> None:
-    facts = replace(WELL, devices={"usb-1": Sighting(there)}, answers=answers)
+    facts = replace(WELL, devices={"usb-1": LastSeen(there)}, answers=answers)
     found = compose(facts, readings=readings, expected=[HEAT])
     last = max(readings, key=lambda each: each.uptime, default=None)
     reports = last is not None and [each for each in readings if each.uptime == last.uptime][-1].value is not None
@@ -103,7 +103,7 @@ def test_never_healthy_while_something_cannot_report(
     assert health.from_json(found.as_json()) == found
 
 
-BEFORE = Stand(True, True, frozenset({"arm/heat"}), frozenset({"usb-1"}), frozenset({"look"}), {})
+BEFORE = HealthSnapshot(True, True, frozenset({"arm/heat"}), frozenset({"usb-1"}), frozenset({"look"}), {})
 WORSE = [
     (replace(BEFORE, running=False), "does not run"),
     (replace(BEFORE, answers=False), "does not answer"),
@@ -115,14 +115,14 @@ WORSE = [
 
 
 @pytest.mark.parametrize(("after", "words"), WORSE)
-def test_what_is_worse_is_told(after: Stand, words: str) -> None:
+def test_what_is_worse_is_told(after: HealthSnapshot, words: str) -> None:
     assert words in (worse(BEFORE, after) or "")
     assert worse(after, after) is None
     assert worse(after, BEFORE) is None
 
 
 def test_a_stand_is_made_of_facts_and_readings() -> None:
-    assert stand(WELL, [heat(3)], ["look"], {"look": 1}) == Stand(
+    assert snapshot(WELL, [heat(3)], ["look"], {"look": 1}) == HealthSnapshot(
         True, True, frozenset({"arm_read/joints/elbow/heat"}), frozenset({"usb-1"}), frozenset({"look"}), {"look": 1}
     )
 

@@ -8,7 +8,7 @@ import pytest
 from octoform.daemon import requests
 from octoform.daemon.model import Kind
 from octoform.daemon.notices import advice, hint
-from octoform.daemon.store.backoff import Breaker
+from octoform.daemon.store.backoff import Backoff
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.store.lock import myself
 from octoform.views.daemon import requests as control
@@ -29,8 +29,8 @@ def test_heal_tells_what_health_tells(tmp_path: Path) -> None:
     out = io.StringIO()
     screen = Console(out, io.StringIO(), colour=False, colour_err=False, interactive=False)
     frozen = (
-        Breaker("k1", "hardware", "b", frozen="2 tries did not help"),
-        Breaker("k2", "disk", "b", frozen="3 tries"),
+        Backoff("k1", "hardware", "b", frozen="2 tries did not help"),
+        Backoff("k2", "disk", "b", frozen="3 tries"),
     )
     fields = {"hardware": advice(Kind.HARDWARE_CHANGED, "hardware")}
     known = requests.GivenUp(frozen, ("hardware", "disk"), fields)

@@ -151,7 +151,7 @@ def test_what_was_given_up_tells_since_when_what_was_tried_and_the_command(tmp_p
     wrote(watched, health(status=Status.DOWN), waits={key: "frozen"})
     found, _ = survey(watched.project, {})
     assert found is not None
-    (trouble,) = found.troubles
+    (trouble,) = found.problems
     assert (trouble.target, trouble.since) == ("endpoint", world.rounds[1].facts.stamp)
     assert trouble.episode is not None
     assert [made.repair for made in trouble.episode.tries] == ["restart", "restart", "rebuild"]

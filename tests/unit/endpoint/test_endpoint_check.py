@@ -11,7 +11,7 @@ from unit.endpoint.endpoint_servers import CLOCK, GOOD, HEADER, VOLTAGE, process
 from unit.endpoint.endpoint_zoo import PLAIN, SOURCE, TOOLS
 
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.endpoint.client.check import CheckReport, TrialCall, check, judge_check
+from octoform.endpoint.client.check import CheckReport, SampleCallResult, check, judge_check
 from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
@@ -149,12 +149,12 @@ def test_each_device_of_a_tool_is_tried(zoo: Seen) -> None:
     ],
 )
 def test_an_endpoint_whose_tools_all_fail_is_told(kinds: tuple[str, ...], seen: frozenset[str], severity: str) -> None:
-    calls = tuple(TrialCall(f"tool{n}", False, None, kind, "no", logged=True) for n, kind in enumerate(kinds))
+    calls = tuple(SampleCallResult(f"tool{n}", False, None, kind, "no", logged=True) for n, kind in enumerate(kinds))
     names = [{"name": call.tool, "devices": ["two"]} for call in calls]
     report = CheckReport(True, None, None, None, tuple(names), calls, 0.0)
     [found] = [item for item in judge_check(report, {"tools": names}, seen) if item.code == NOTHING_ANSWERS]
     assert found.severity.value == severity
-    well = replace(report, calls=(*calls, TrialCall("tool0", True, logged=True)))
+    well = replace(report, calls=(*calls, SampleCallResult("tool0", True, logged=True)))
     assert NOTHING_ANSWERS not in [item.code for item in judge_check(well, {"tools": names}, seen)]
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from octoform.endpoint.process import log_rotation
-from octoform.endpoint.process.log_rotation import ARCHIVES, archives, drop, set_aside
+from octoform.endpoint.process.log_rotation import ARCHIVES, archives, drop, rotate
 from octoform.state.layout import Layout
 
 
@@ -37,7 +37,7 @@ def test_every_line_is_there_once_and_in_order_and_a_writer_goes_on(layout: Layo
         line = b"line %d\n" % number * 50
         os.write(writer, line)
         written += line
-        assert set_aside(path, held_open=held_open) == len(line)
+        assert rotate(path, held_open=held_open) == len(line)
     os.write(writer, b"last\n") if held_open else path.write_bytes(b"last\n")
     os.close(writer)
     assert everything(path) == written + b"last\n"
@@ -51,7 +51,7 @@ def test_the_oldest_archive_goes_and_its_errors_stay(layout: Layout) -> None:
     failure = b'{"event": "result", "tool": "read", "ok": false, "error": "OSError"}\n'
     for number in range(ARCHIVES + 3):
         layout.call_log.write_bytes(b'{"ok": true}\n%b{"number": %d}\n' % (failure, number))
-        set_aside(layout.call_log, held_open=False)
+        rotate(layout.call_log, held_open=False)
     assert len(archives(layout)) == ARCHIVES
     assert (layout.logs / "octoform.errors").read_bytes() == failure * 3
 
@@ -77,7 +77,7 @@ def test_a_compressed_archive_takes_the_plain_ones_place_only_when_it_is_whole(
     layout: Layout, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     layout.call_log.write_bytes(b"one\n")
-    set_aside(layout.call_log, held_open=False)
+    rotate(layout.call_log, held_open=False)
     layout.call_log.write_bytes(b"two\n")
 
     def full(*_: object) -> None:
@@ -86,6 +86,6 @@ def test_a_compressed_archive_takes_the_plain_ones_place_only_when_it_is_whole(
     with monkeypatch.context() as patch:
         patch.setattr(gzip.GzipFile, "write", full)
         with pytest.raises(OSError, match="No space"):
-            set_aside(layout.call_log, held_open=False)
+            rotate(layout.call_log, held_open=False)
     assert everything(layout.call_log) == b"one\ntwo\n"
     assert sorted(one.name for one in layout.logs.iterdir()) == ["octoform.jsonl.1", "octoform.jsonl.2"]

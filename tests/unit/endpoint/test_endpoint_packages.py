@@ -159,7 +159,7 @@ def test_an_environment_that_is_not_trusted_is_made_anew(layout: Layout, wheelho
     environment = built(layout, lock)
     (environment.path / "rubbish").touch()
     assert built(layout, lock) == environment and (environment.path / "rubbish").exists()
-    again, problems = build(layout, lock, anew=True)
+    again, problems = build(layout, lock, again=True)
     assert (again, problems) == (environment, ())
     assert not (environment.path / "rubbish").exists()
 

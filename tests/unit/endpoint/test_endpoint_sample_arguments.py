@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from octoform.endpoint.client.check import trial_arguments
+from octoform.endpoint.client.check import sample_arguments
 
 
 def needing(**schema: Any) -> dict[str, Any]:
@@ -27,7 +27,7 @@ def needing(**schema: Any) -> dict[str, Any]:
     ],
 )
 def test_a_required_parameter_gets_a_value_that_its_schema_names(schema: dict[str, Any], value: Any) -> None:
-    assert trial_arguments(needing(**schema)) == {"x": value}
+    assert sample_arguments(needing(**schema)) == {"x": value}
 
 
 @pytest.mark.parametrize(
@@ -41,11 +41,11 @@ def test_a_required_parameter_gets_a_value_that_its_schema_names(schema: dict[st
     ],
 )
 def test_no_value_is_invented(schema: dict[str, Any]) -> None:
-    assert trial_arguments(needing(**schema)) is None
+    assert sample_arguments(needing(**schema)) is None
 
 
 def test_the_authors_arguments_come_first_and_optional_ones_stay_away() -> None:
     item = needing(type="string")
     item["smoke"] = {"arguments": {"x": "front"}}
-    assert trial_arguments(item) == {"x": "front"}
-    assert trial_arguments({"input_schema": {"type": "object", "properties": {"x": {"default": 1}}}}) == {}
+    assert sample_arguments(item) == {"x": "front"}
+    assert sample_arguments({"input_schema": {"type": "object", "properties": {"x": {"default": 1}}}}) == {}

@@ -16,13 +16,13 @@ from unit.endpoint.endpoint_servers import HEADER, tool
 from unit.endpoint.endpoint_zoo import PICTURE
 
 from octoform.endpoint.client.terminal import (
+    EndpointState,
     Person,
-    Sight,
     Wanted,
     call,
     list_tools,
     published,
-    record_sight,
+    record_state,
     save_media,
 )
 from octoform.endpoint.published_files import CHECK
@@ -303,7 +303,7 @@ def test_a_refusal_of_the_launcher_reaches_the_person_and_a_plan_knows_what_was_
 def test_what_was_seen_of_a_former_endpoint_says_nothing_of_the_present_one(bench: Launched) -> None:
     record = bench.layout.endpoint / CHECK
     record.write_text(json.dumps({"answered": True, "tools": NAMES}))
-    record_sight(bench.layout, f"{published(bench.layout)}-former", Sight(False, "gone"))
+    record_state(bench.layout, f"{published(bench.layout)}-former", EndpointState(False, "gone"))
     assert json.loads(record.read_text())["answered"] is True
 
 

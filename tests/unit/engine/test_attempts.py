@@ -13,7 +13,17 @@ from octoform.base import processes
 from octoform.diagnostics import error, to_json, warning
 from octoform.engine.inspect import attempts as engine
 from octoform.harness.containment import orphans
-from octoform.harness.port import AgentEvent, Closed, ExitReason, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
+from octoform.harness.port import (
+    AgentEvent,
+    Closed,
+    ExitReason,
+    ModelProblem,
+    Output,
+    ToolCalled,
+    ToolReturned,
+    Turn,
+    Usage,
+)
 from octoform.state.attempts import SpecEdit
 from octoform.state.store.lock import acquire
 from octoform.views import attempts as views
@@ -141,7 +151,7 @@ def test_everything_about_one(folders: Folders) -> None:
         events=[
             ToolCalled("bash", "ls /sys"),
             ToolReturned(True),
-            Trouble(ExitReason.RATE_LIMIT, "429 slow down"),
+            ModelProblem(ExitReason.RATE_LIMIT, "429 slow down"),
             Closed(False, "gave up"),
         ],
         **REFUSED,
@@ -188,7 +198,7 @@ def test_an_attempt_without_a_record_tells_what_it_has_used_so_far(folders: Fold
         Turn(Usage(1000, 400, 50)),
         ToolCalled("bash", "ls"),
         Turn(Usage(500, None, 7)),
-        Said("x"),
+        Output("x"),
     ]
     folder = folders.add("identify", 2, record=False, events=replies)
     task = {"format": 1, "stage": "identify", "role": "escalate", "harness": "pi", "model": "openai/x"}
@@ -266,7 +276,12 @@ def test_nothing_foreign_acts_on_the_terminal(folders: Folders) -> None:
         spec=f"{HOSTILE}\n",
         usage={"input_tokens": 1, "cost_usd": 1.0, "cost_source": HOSTILE},
         diagnostics=[to_json(error(HOSTILE, HOSTILE, path=HOSTILE, detail=HOSTILE, hint=HOSTILE))],
-        events=[Said(HOSTILE), ToolCalled(HOSTILE, HOSTILE), Trouble(ExitReason.AUTH, HOSTILE), Closed(False, HOSTILE)],
+        events=[
+            Output(HOSTILE),
+            ToolCalled(HOSTILE, HOSTILE),
+            ModelProblem(ExitReason.AUTH, HOSTILE),
+            Closed(False, HOSTILE),
+        ],
         **EDITED,
     )
     for text in (shown(folders), shown(folders, 1)):

@@ -25,7 +25,7 @@ def asked(action: str | None, *, ok: bool = True) -> DutyOutcome:
 @pytest.mark.parametrize("action", ["restore", "redeploy", "restart", "rediscover"])
 def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest.MonkeyPatch, action: str) -> None:
     done = DutyOutcome(ok=False, detail="it went wrong", again=False, calls=2, usage=Usage(1, 0, 1, 0.25))
-    monkeypatch.setattr(heal, "on_duty", lambda *_: asked(action))
+    monkeypatch.setattr(heal, "run_task", lambda *_: asked(action))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", {**heal.ACTIONS, action: lambda layout, environ, left: done})
     found = heal.heal(Path("/nowhere"), {}, {})
@@ -48,10 +48,10 @@ def test_nothing_more_is_done_after_a_rewrite_or_a_failure(
     def never(*_: object) -> DutyOutcome:
         raise AssertionError("nothing is to be done")
 
-    monkeypatch.setattr(heal, "on_duty", lambda *_: answer)
+    monkeypatch.setattr(heal, "run_task", lambda *_: answer)
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", dict.fromkeys(heal.ACTIONS, never))
-    assert heal.heal(Path("/nowhere"), {}, {}) == answer.told()
+    assert heal.heal(Path("/nowhere"), {}, {}) == answer.to_document()
 
 
 def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -61,7 +61,7 @@ def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeyp
     layout = Layout(tmp_path, "bench")
     layout.run.mkdir(parents=True)
     (layout.run / LATCH).write_text("{}")
-    monkeypatch.setattr(heal, "on_duty", lambda *_: asked("restart"))
+    monkeypatch.setattr(heal, "run_task", lambda *_: asked("restart"))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (layout, []))
     monkeypatch.setattr(heal, "ACTIONS", dict.fromkeys(heal.ACTIONS, never))
     found = heal.heal(tmp_path, {}, {})
@@ -104,8 +104,8 @@ def test_what_a_killed_repair_has_left_is_settled_and_nothing_is_done_otherwise(
         (layout.local / left).mkdir()
     elif left is not None:
         (layout.local / left).write_text("{}")
-    monkeypatch.setattr(heal, "on_duty", lambda *_: asked(None))
+    monkeypatch.setattr(heal, "run_task", lambda *_: asked(None))
     found = heal.settle(layout, {})
-    assert found == (asked(None).told() if left else None)
+    assert found == (asked(None).to_document() if left else None)
     assert record.mark(layout) is None
     assert heal.settle(layout, {}) is None, "it would start what a person has stopped"

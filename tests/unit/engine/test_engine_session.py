@@ -101,9 +101,9 @@ def test_who_holds_the_state_is_waited_for_and_then_told(tmp_path: Path, monkeyp
     acquired = acquire(Layout(tmp_path, "bench"), "apply")
     assert acquired.lock is not None
     with acquired.lock:
-        answer = session.on_duty(tmp_path, {}, "watch", lambda context: DONE)
+        answer = session.run_task(tmp_path, {}, "watch", lambda context: DONE)
     assert (answer.ok, answer.again) == (False, True) and "STATE-LOCKED" in answer.detail
-    answer = session.on_duty(tmp_path, {}, "watch", lambda context: DONE)
+    answer = session.run_task(tmp_path, {}, "watch", lambda context: DONE)
     assert (answer.ok, answer.again) == (False, False) and "DUTY-NOT-APPLIED" in answer.detail
     (tmp_path / "octopus.yaml").write_text("version: [")
-    assert not session.on_duty(tmp_path, {}, "watch", lambda context: DONE).ok
+    assert not session.run_task(tmp_path, {}, "watch", lambda context: DONE).ok

@@ -65,7 +65,7 @@ def test_a_look_that_takes_long_is_not_made_up_for(tmp_path: Path, lasting: tupl
     looks = [next(beats) for _ in range(4)]
     assert seconds_of(looks) == at
     assert bench.views[0] == CAMERA.model_dump()
-    assert [item.trouble for item in looks] == [None] * 4
+    assert [item.problem for item in looks] == [None] * 4
     assert looks[-1].record is not None and looks[-1].record.summary.looks == 4
 
 
@@ -85,7 +85,7 @@ def test_a_host_without_a_camera_is_noted_as_one(tmp_path: Path) -> None:
     bench = Bench((1,))
     blind = error("PERCEPTION-NO-CAMERA", "no tool of this host takes a picture")
     seen = look(Eye(Layout(tmp_path, "bench"), Perception(), blind=blind), None, bench.clock, bench.take)
-    assert seen.outcome is blind and bench.views == [] and seen.trouble is None
+    assert seen.outcome is blind and bench.views == [] and seen.problem is None
     assert seen.record is not None and seen.record.absent is not None
     assert seen.record.absent.reason == "no tool of this host takes a picture"
 
@@ -139,7 +139,7 @@ class Still:
 def test_a_healthy_camera_before_a_scene_that_stands_still_is_never_called_frozen(tmp_path: Path, every: int) -> None:
     camera = Still(Sensor())
     looks = camera.looks(tmp_path, LOOKS, every)
-    assert {item.trouble for item in looks} == {None}
+    assert {item.problem for item in looks} == {None}
     assert looks[-1].record is not None and looks[-1].record.summary.frozen == 0
     assert camera.taken == LOOKS, "a healthy camera is asked once a look"
 
@@ -149,15 +149,15 @@ def test_a_camera_that_freezes_is_told_within_one_look_and_until_it_gives_new_pi
     camera.looks(tmp_path, 5, 30)
     camera.stuck = camera.sensor.exposed(camera.scene) if camera.sensor else None
     frozen = camera.looks(tmp_path, LOOKS, 30)
-    assert [item.trouble for item in frozen] == [None] + ["frozen"] * (LOOKS - 1)
+    assert [item.problem for item in frozen] == [None] + ["frozen"] * (LOOKS - 1)
     assert camera.taken < 5 + LOOKS + 5, "what is proven is not proven again at each look"
     camera.stuck = None
-    assert {item.trouble for item in camera.looks(tmp_path, LOOKS, 30)} == {None}
+    assert {item.problem for item in camera.looks(tmp_path, LOOKS, 30)} == {None}
 
 
 def test_of_a_source_without_noise_it_is_not_known_whether_it_is_frozen(tmp_path: Path) -> None:
     camera = Still(None)
     looks = camera.looks(tmp_path, LOOKS, 30)
-    assert {item.trouble for item in looks} == {None} and camera.taken == LOOKS
+    assert {item.problem for item in looks} == {None} and camera.taken == LOOKS
     frames = [item.record.current for item in looks if item.record is not None]
     assert {frame.frozen for frame in frames[1:] if frame is not None} == {None}

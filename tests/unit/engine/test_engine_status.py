@@ -73,7 +73,7 @@ def test_another_set_of_tools_is_a_reason(bench: Launched, tools: list[dict[str,
 def test_a_process_that_does_not_answer_octoform_is_told(bench: Launched, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("octoform.endpoint.process.record.CONTROL", "gone.sock")
     found = status(bench, TOOLS)
-    assert found.process.running is not None and found.process.told is None
+    assert found.process.running is not None and found.process.reported is None
     assert "the endpoint's process does not answer octoform's own questions" in found.reasons
 
 

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.unattended.repairs import mend_artifacts
+from octoform.engine.unattended.repairs import restore_artifacts
 from octoform.state.accepted import accept, file_digest
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
@@ -50,7 +50,7 @@ def test_damaged_artifacts_come_from_git_and_index_and_work_tree_stay(clone: Lay
     clone.output("serve").write_bytes(SERVER[:11])
     clone.output("probe").unlink()
     index = (root / ".git" / "index").read_bytes()
-    done = mend_artifacts(clone)
+    done = restore_artifacts(clone)
     assert sorted(each.rpartition("/")[2] for each in done.back) == ["output.json (missing)", "server.py (truncated)"]
     assert (done.lost, done.failed, done.left) == ([], [], [])
     assert clone.output("serve").read_bytes() == SERVER
@@ -65,6 +65,6 @@ def test_what_no_commit_holds_is_lost_and_nothing_is_guessed(clone: Layout) -> N
     assert store.success("serve", known.model_copy(update={"file_digest": "sha256:" + "0" * 64})) == []
     assert store.commit_snapshot() == []
     clone.output("serve").write_bytes(b"")
-    done = mend_artifacts(clone)
+    done = restore_artifacts(clone)
     assert (done.back, clone.output("serve").read_bytes()) == ([], b"")
     assert len(done.lost) == 1 and "neither a kept copy nor a commit" in done.lost[0]

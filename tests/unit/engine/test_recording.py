@@ -15,7 +15,7 @@ from octoform.diagnostics import Diagnostic, error, to_json
 from octoform.engine.inspect.attempts import of_host
 from octoform.engine.recording import Recorded, record, runs
 from octoform.harness import transcript
-from octoform.harness.port import AgentEvent, Said, ToolCalled
+from octoform.harness.port import AgentEvent, Output, ToolCalled
 from octoform.harness.recording import Recording, load
 from octoform.state.artifact_cache import write_instances
 from octoform.state.attempts import SpecEdit
@@ -146,7 +146,7 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
         "x" * 195 + SERIAL[:5],
     ]
     edit: dict[str, Any] = {"spec_edit": SpecEdit(digest="x", permitted=True, added=1, removed=0)}
-    folders.add("probe", 1, output=text_of(bad), events=[*map(Said, lines)], detail=f"in {where}", **REFUSED)
+    folders.add("probe", 1, output=text_of(bad), events=[*map(Output, lines)], detail=f"in {where}", **REFUSED)
     folders.add(
         "probe", 2, output=text_of(PROBE), spec=f"# {SERIAL} in {folders.project}\n", events=[], accepted=True, **edit
     )
@@ -170,7 +170,7 @@ def test_nothing_of_the_host_is_in_it(folders: Folders, target: Path) -> None:
 def test_a_short_name_of_the_host_is_hidden_in_what_was_said(folders: Folders, target: Path) -> None:
     lines: list[AgentEvent] = [
         ToolCalled("bash", "echo PI4 && ssh root@pi4 uptime"),
-        Said("apis and pi42 are other words, pi4-x too"),
+        Output("apis and pi42 are other words, pi4-x too"),
     ]
     folders.add("probe", 1, output=text_of({**PROBE, "hostname": "pi4"}), events=lines, accepted=True)
     made(folders, target)
@@ -180,7 +180,7 @@ def test_a_short_name_of_the_host_is_hidden_in_what_was_said(folders: Folders, t
 
 
 def test_equal_runs_are_equal_bytes(folders: Folders, target: Path, tmp_path: Path) -> None:
-    folders.add("probe", 1, output=text_of(PROBE), accepted=True, events=[Said(SERIAL)])
+    folders.add("probe", 1, output=text_of(PROBE), accepted=True, events=[Output(SERIAL)])
     made(folders, target)
     made(folders, tmp_path / "again")
     assert contents(target) == contents(tmp_path / "again")
@@ -205,7 +205,7 @@ def test_what_was_no_file_is_recorded_as_such(folders: Folders, target: Path) ->
 def test_what_the_agent_said_is_cleaned_of_secrets(folders: Folders, target: Path) -> None:
     names = "version: 1\nhost: bench\nharness: {name: command, command: [agent], env: [BENCH_LOGIN]}\n"
     (folders.project / "octopus.yaml").write_text(names)
-    events = [Said(f"with {TOKEN}"), Said("and a-plain-password")]
+    events = [Output(f"with {TOKEN}"), Output("and a-plain-password")]
     folders.add("probe", 1, output=text_of(PROBE), accepted=True, events=events)
     made(folders, target, environ={"BENCH_LOGIN": "a-plain-password"})
     text = (target / "probe-1/transcript.jsonl").read_text()

@@ -34,7 +34,7 @@ def project(tmp_path: Path) -> Path:
 
 def compiled(project: Path, text: str, *, told: bool = True) -> tuple[Compiled | None, list[Diagnostic]]:
     (project / "octopus.yaml").write_text(f"version: 1\n{text}\n")
-    return compile_project(project, {}, told=told)
+    return compile_project(project, {}, named=told)
 
 
 def test_no_step_is_in_force_by_itself(project: Path) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
-from octoform.harness.port import AgentEvent, Said, TaskLimits, Usage
+from octoform.harness.port import AgentEvent, Output, TaskLimits, Usage
 from octoform.harness.watcher import Watcher
 
 
@@ -19,7 +19,7 @@ def contained(tmp_path: Path) -> Callable[..., Ended]:
         found = settings.pop("progress", lambda text, seconds: None)
 
         def progress(event: AgentEvent, seconds: float, _: Usage) -> None:
-            assert isinstance(event, Said)
+            assert isinstance(event, Output)
             found(event.text, seconds)
 
         watcher = Watcher(None, TaskLimits(30.0), progress)

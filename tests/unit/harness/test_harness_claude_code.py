@@ -13,12 +13,12 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -30,11 +30,11 @@ SPEC = HarnessSpec("claude-code", key="LOOP_KEY", base_url="http://127.0.0.1:808
 
 def test_a_run_that_went_well() -> None:
     assert recorded(ClaudeCodeDialect(), "claude-code-ok") == [
-        Said("I write it."),
+        Output("I write it."),
         ToolCalled("Bash", 'echo {} > "$OCTOFORM_OUTPUT"'),
         Turn(REPLY),
         ToolReturned(),
-        Said("done"),
+        Output("done"),
         Turn(REPLY),
         Totals(Usage(2000, 800, 100)),
         Closed(ok=True, text="done"),
@@ -46,12 +46,12 @@ def test_calls_that_cannot_be_done() -> None:
     assert [event.failed for event in of(events, ToolReturned)] == [True, True, True, False]
     assert [event.tool for event in of(events, ToolCalled)] == ["Bash", "no_such_tool", "Bash", "Bash"]
     assert of(events, Turn) == [Turn(REPLY)] * 5
-    assert of(events, Trouble) == []
+    assert of(events, ModelProblem) == []
 
 
 def test_requests_that_are_tried_again_and_a_reply_that_is_cut_is_none() -> None:
     events = recorded(ClaudeCodeDialect(), "claude-code-flaky")
-    assert [(event.reason, event.final) for event in of(events, Trouble)] == [(ExitReason.UNREACHABLE, False)] * 2
+    assert [(event.reason, event.final) for event in of(events, ModelProblem)] == [(ExitReason.UNREACHABLE, False)] * 2
     assert of(events, Turn) == [Turn(REPLY)] * 2
     assert events[-2:] == [Totals(Usage(3000, 1200, 101)), Closed(ok=True, text="done")]
 
@@ -67,11 +67,13 @@ def test_requests_that_are_tried_again_and_a_reply_that_is_cut_is_none() -> None
 )
 def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     events = recorded(ClaudeCodeDialect(), f"claude-code-{name}")
-    assert isinstance(events[-1], Trouble)
+    assert isinstance(events[-1], ModelProblem)
     assert (events[-1].reason, events[-1].final) == (reason, True)
     assert told in events[-1].text
     assert of(events, Closed) == []
-    assert all(isinstance(event, Trouble | Totals) for event in events[-5:]), "what it says for the model is no reply"
+    assert all(isinstance(event, ModelProblem | Totals) for event in events[-5:]), (
+        "what it says for the model is no reply"
+    )
 
 
 def test_a_second_result_tells_of_the_whole_run_again() -> None:
@@ -107,11 +109,11 @@ def test_a_refused_key_is_final_at_once_and_a_limit_of_the_rate_is_not() -> None
     retry = {"type": "system", "subtype": "api_retry", "attempt": 1, "max_retries": 4}
     dialect = ClaudeCodeDialect()
     refused = lines(dialect, "stdout", {**retry, "error_status": 401, "error": "authentication_failed"})
-    assert refused == [Trouble(ExitReason.AUTH, "authentication_failed: HTTP status 401", final=True)]
+    assert refused == [ModelProblem(ExitReason.AUTH, "authentication_failed: HTTP status 401", final=True)]
     limited = lines(dialect, "stdout", {**retry, "error_status": 429, "error": "rate_limit"})
-    assert limited == [Trouble(ExitReason.RATE_LIMIT, "rate_limit: HTTP status 429")]
+    assert limited == [ModelProblem(ExitReason.RATE_LIMIT, "rate_limit: HTTP status 429")]
     overloaded = lines(dialect, "stdout", {**retry, "error_status": 529, "error": "overloaded"})
-    assert overloaded == [Trouble(ExitReason.UNREACHABLE, "overloaded: HTTP status 529")]
+    assert overloaded == [ModelProblem(ExitReason.UNREACHABLE, "overloaded: HTTP status 529")]
 
 
 def test_no_key_at_all() -> None:
@@ -122,7 +124,7 @@ def test_no_key_at_all() -> None:
         "result": "Not logged in · Please run /login",
     }
     events = lines(ClaudeCodeDialect(), "stdout", {**fields, "type": "result"})
-    assert events == [Trouble(ExitReason.AUTH, fields["result"], final=True)]
+    assert events == [ModelProblem(ExitReason.AUTH, fields["result"], final=True)]
 
 
 def test_a_reply_in_one_piece_counts_once_however_many_parts_it_has() -> None:
@@ -134,7 +136,7 @@ def test_a_reply_in_one_piece_counts_once_however_many_parts_it_has() -> None:
         message = {"id": "msg_1", "model": "m", "content": [part], "usage": usage}
         events += lines(dialect, "stdout", {"type": "assistant", "message": message})
     assert of(events, Turn) == [Turn(Usage(30, 3, 5))]
-    assert without_turns(events) == [Said("so")]
+    assert without_turns(events) == [Output("so")]
 
 
 def test_tokens_that_only_the_end_of_a_reply_tells() -> None:

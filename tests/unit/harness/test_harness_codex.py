@@ -13,12 +13,12 @@ from octoform.harness.contained_attempt import Invocation
 from octoform.harness.port import (
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -33,10 +33,10 @@ def test_a_run_that_went_well() -> None:
     events = recorded(CodexDialect(), "codex-ok")
     assert of(events, Turn) == [Turn(REPLY)] * 2
     assert without_turns(events) == [
-        Said("I write it."),
+        Output("I write it."),
         ToolCalled("shell", 'echo {} > "$OCTOFORM_OUTPUT"'),
         ToolReturned(),
-        Said("done"),
+        Output("done"),
         Totals(Usage(2000, 800, 100)),
         Closed(ok=True),
     ]
@@ -46,18 +46,18 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
     events = recorded(CodexDialect(), "codex-bad")
     assert of(events, Turn) == [Turn(REPLY)] * 5, "two of them show in the trace alone"
     assert [event.failed for event in of(events, ToolReturned)] == [True, False]
-    assert of(events, Trouble) == []
+    assert of(events, ModelProblem) == []
 
 
 def test_a_reply_that_is_cut_is_none() -> None:
     events = recorded(CodexDialect(), "codex-flaky")
     assert of(events, Turn) == [Turn(REPLY)] * 2
-    assert [event.text for event in of(events, Trouble)] == [
+    assert [event.text for event in of(events, ModelProblem)] == [
         "HTTP status 500",
         "Transport error: network error: error decoding response body",
         "stream disconnected before completion: Transport error: network error: error decoding response body",
     ]
-    assert {(event.reason, event.final) for event in of(events, Trouble)} == {(ExitReason.UNREACHABLE, False)}
+    assert {(event.reason, event.final) for event in of(events, ModelProblem)} == {(ExitReason.UNREACHABLE, False)}
     assert events[-1] == Closed(ok=True)
 
 
@@ -72,7 +72,7 @@ def test_a_reply_that_is_cut_is_none() -> None:
 )
 def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     events = recorded(CodexDialect(), f"codex-{name}")
-    troubles = of(events, Trouble)
+    troubles = of(events, ModelProblem)
     assert {event.reason for event in troubles} == {reason}
     assert not any(event.final for event in troubles[:-1]) or name == "auth", "it tries again"
     assert troubles[-1].final
@@ -92,7 +92,7 @@ def test_the_streams_have_no_order_so_what_is_tried_again_is_read_where_the_repl
         "message": "Reconnecting... 1/5 (unexpected status 401 Unauthorized: no, url: http://x)",
     }
     (trouble,) = lines(dialect, "stdout", refused)
-    assert isinstance(trouble, Trouble) and trouble.final
+    assert isinstance(trouble, ModelProblem) and trouble.final
     failed = {"type": "turn.failed", "error": {"message": "Connection failed: error sending request"}}
     assert len(lines(dialect, "stdout", failed)) == 1
     assert lines(dialect, "stderr", reply) == [], "nothing comes after the end"
@@ -103,9 +103,9 @@ def test_only_requests_for_replies_are_trouble() -> None:
     items = [
         f'{request}error.message="no way" attempt=0 endpoint="{path}"'.encode() for path in ("/models", "/responses")
     ]
-    assert lines(CodexDialect(), "stderr", *items) == [Trouble(ExitReason.UNREACHABLE, "no way")]
+    assert lines(CodexDialect(), "stderr", *items) == [ModelProblem(ExitReason.UNREACHABLE, "no way")]
     limited = f'{request}http.response.status_code=429 error.message="http 429" attempt=0 endpoint="/responses"'
-    assert lines(CodexDialect(), "stderr", limited.encode()) == [Trouble(ExitReason.RATE_LIMIT, "HTTP status 429")]
+    assert lines(CodexDialect(), "stderr", limited.encode()) == [ModelProblem(ExitReason.RATE_LIMIT, "HTTP status 429")]
 
 
 @pytest.mark.parametrize(
@@ -126,7 +126,7 @@ def test_only_requests_for_replies_are_trouble() -> None:
 )
 def test_what_its_messages_mean(message: str, reason: ExitReason) -> None:
     (found,) = lines(CodexDialect(), "stdout", {"type": "turn.failed", "error": {"message": message}})
-    assert found == Trouble(reason, message, final=True)
+    assert found == ModelProblem(reason, message, final=True)
 
 
 def test_a_reply_without_a_count_of_its_tokens() -> None:

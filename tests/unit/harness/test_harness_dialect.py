@@ -2,7 +2,7 @@
 
 import pytest
 
-from octoform.harness.event_parser import trouble
+from octoform.harness.event_parser import problem
 from octoform.harness.port import ExitReason
 
 FINAL = (ExitReason.AUTH, ExitReason.REFUSED)
@@ -32,5 +32,5 @@ FINAL = (ExitReason.AUTH, ExitReason.REFUSED)
     ],
 )
 def test_trouble(status: int | None, text: str, reason: ExitReason) -> None:
-    found = trouble(text, status)
+    found = problem(text, status)
     assert (found.reason, found.final, found.text) == (reason, reason in FINAL, text)

@@ -7,12 +7,12 @@ from typing import Any
 import pytest
 
 from octoform.harness.contained_attempt import Invocation, run_contained
-from octoform.harness.port import AgentEvent, Closed, ExitReason, Outcome, Task, TaskLimits, Trouble, Turn
+from octoform.harness.port import AgentEvent, Closed, ExitReason, ModelProblem, Outcome, Task, TaskLimits, Turn
 
 EVENTS: dict[bytes, AgentEvent] = {
     b"turn": Turn(),
-    b"limited": Trouble(ExitReason.RATE_LIMIT, "429"),
-    b"down": Trouble(ExitReason.UNREACHABLE, "no route"),
+    b"limited": ModelProblem(ExitReason.RATE_LIMIT, "429"),
+    b"down": ModelProblem(ExitReason.UNREACHABLE, "no route"),
     b"done": Closed(ok=True),
     b"gave up": Closed(ok=False, text="no luck"),
 }

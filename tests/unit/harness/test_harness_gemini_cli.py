@@ -14,14 +14,14 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     Task,
     TaskLimits,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -40,9 +40,9 @@ def test_a_run_that_went_well() -> None:
     events = recorded(GeminiCliDialect(), "gemini-cli-ok")
     assert of(events, Turn) == [Turn(REPLY)] * 2
     assert without_turns(events) == [
-        Said("I write it."),
+        Output("I write it."),
         Totals(REPLY),
-        Said("done"),
+        Output("done"),
         Totals(Usage(2000, 800, 100)),
         ToolCalled("run_shell_command", 'echo {} > "$OCTOFORM_OUTPUT"'),
         ToolReturned(),
@@ -54,7 +54,7 @@ def test_calls_that_cannot_be_done_are_replies_too_and_broken_ones_end_it() -> N
     events = recorded(GeminiCliDialect(), "gemini-cli-bad")
     assert of(events, Turn) == [Turn(REPLY)] * 6, "it asks three times more when a call is broken"
     assert [event.failed for event in of(events, ToolReturned)] == [True, True]
-    assert of(events, Trouble) == [], "the model's side did answer"
+    assert of(events, ModelProblem) == [], "the model's side did answer"
     assert events[-1] == Closed(ok=False, text="Model stream ended with malformed function call.")
 
 
@@ -69,7 +69,7 @@ def test_calls_that_cannot_be_done_are_replies_too_and_broken_ones_end_it() -> N
 )
 def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     events = recorded(GeminiCliDialect(), f"gemini-cli-{name}")
-    troubles = of(events, Trouble)
+    troubles = of(events, ModelProblem)
     assert {event.reason for event in troubles} == {reason}
     assert [event.final for event in troubles] == [False] * (len(troubles) - 1) + [True]
     assert told in troubles[-1].text
@@ -77,23 +77,25 @@ def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
 
 
 def test_each_failed_attempt_is_told() -> None:
-    down = of(recorded(GeminiCliDialect(), "gemini-cli-down"), Trouble)
+    down = of(recorded(GeminiCliDialect(), "gemini-cli-down"), ModelProblem)
     assert [(event.reason, event.final) for event in down] == [(ExitReason.UNREACHABLE, False)] * 2
     flaky = recorded(GeminiCliDialect(), "gemini-cli-flaky")
-    assert [event.reason for event in of(flaky, Trouble)] == [ExitReason.UNREACHABLE, ExitReason.RATE_LIMIT]
-    assert events_after_trouble(flaky)[0] == Said("I write it.")
+    assert [event.reason for event in of(flaky, ModelProblem)] == [ExitReason.UNREACHABLE, ExitReason.RATE_LIMIT]
+    assert events_after_trouble(flaky)[0] == Output("I write it.")
     assert flaky[-1] == Closed(ok=True)
 
 
 def events_after_trouble(events: list[AgentEvent]) -> list[AgentEvent]:
-    last = max(place for place, event in enumerate(events) if isinstance(event, Trouble))
+    last = max(place for place, event in enumerate(events) if isinstance(event, ModelProblem))
     return events[last + 1 :]
 
 
 def test_its_guard_against_loops_is_no_success() -> None:
     """Recorded with the guard, which octoform switches off; another version may know no such switch."""
     events = recorded(GeminiCliDialect(), "gemini-cli-loop")
-    assert of(events, Trouble) == [Trouble(ExitReason.TURN_LIMIT, "Loop detected, stopping execution", final=True)]
+    assert of(events, ModelProblem) == [
+        ModelProblem(ExitReason.TURN_LIMIT, "Loop detected, stopping execution", final=True)
+    ]
 
 
 @pytest.mark.parametrize(
@@ -111,7 +113,7 @@ def test_its_guard_against_loops_is_no_success() -> None:
     ],
 )
 def test_what_its_messages_mean(message: str, reason: ExitReason) -> None:
-    assert lines(GeminiCliDialect(), "stdout", failed(message)) == [Trouble(reason, message, final=True)]
+    assert lines(GeminiCliDialect(), "stdout", failed(message)) == [ModelProblem(reason, message, final=True)]
 
 
 def failed(message: str) -> dict[str, Any]:
@@ -122,9 +124,13 @@ def test_words_that_say_nothing_mean_what_the_attempt_before_failed_with() -> No
     dialect = GeminiCliDialect()
     lines(dialect, "stderr", b"Attempt 1 failed with status 429. Retrying with backoff... _ApiError: {}")
     lines(dialect, "stderr", b"Attempt 2 failed: later. Max attempts reached")
-    assert [event.reason for event in of(lines(dialect, "stdout", failed("later")), Trouble)] == [ExitReason.RATE_LIMIT]
+    assert [event.reason for event in of(lines(dialect, "stdout", failed("later")), ModelProblem)] == [
+        ExitReason.RATE_LIMIT
+    ]
     lines(dialect, "stderr", record("generateContentStream", []))
-    assert [event.reason for event in of(lines(dialect, "stdout", failed("later")), Trouble)] == [ExitReason.CRASHED]
+    assert [event.reason for event in of(lines(dialect, "stdout", failed("later")), ModelProblem)] == [
+        ExitReason.CRASHED
+    ]
 
 
 def test_a_key_that_is_not_there() -> None:
@@ -134,7 +140,7 @@ def test_a_key_that_is_not_there() -> None:
         b"When using Gemini API, you must specify the GEMINI_API_KEY environment variable.",
         b"Update your environment and try again (no reload needed if using .env)!",
     )
-    assert isinstance(found, Trouble)
+    assert isinstance(found, ModelProblem)
     assert (found.reason, found.final) == (ExitReason.AUTH, True)
 
 
@@ -148,7 +154,7 @@ def test_thoughts_are_output_and_no_words() -> None:
     ]
     used = Usage(15, None, 9)
     found = lines(GeminiCliDialect(), "stderr", record("generateContentStream", pieces))
-    assert found == [Said("I do."), Turn(used), Totals(used)]
+    assert found == [Output("I do."), Turn(used), Totals(used)]
 
 
 def test_what_it_asks_beside_the_conversation_costs_and_is_no_reply() -> None:
@@ -236,5 +242,5 @@ def test_words_without_a_status_have_that_of_standard_error(code: int, reason: E
     dialect = GeminiCliDialect()
     assert lines(dialect, "stderr", b"Error when talking to Gemini API", b"  code: %d" % code, b"}") == []
     assert lines(dialect, "stdout", failed("[API Error: Come back tomorrow.]")) == [
-        Trouble(reason, "[API Error: Come back tomorrow.]", final=True)
+        ModelProblem(reason, "[API Error: Come back tomorrow.]", final=True)
     ]

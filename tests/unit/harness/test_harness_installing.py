@@ -45,12 +45,12 @@ def refused(machine: Machine, code: str = "HARNESS-INSTALL-FAILED") -> Diagnosti
 
 def test_it_is_installed_once_and_counts_only_after_it_has_started(machine: Machine) -> None:
     first = installed(machine)
-    assert (first.anew, first.node, machine.starts) == (True, None, ["unrecorded"])
+    assert (first.is_new, first.node, machine.starts) == (True, None, ["unrecorded"])
     found = locate(PIN, (), machine.environ())
     assert found is not None
     assert (found.argv, found.source, found.version, found.path) == ((str(first.program),), "installed", "1.2.3", ())
     again = installed(machine)
-    assert again == replace(first, anew=False)
+    assert again == replace(first, is_new=False)
     assert len(machine.calls()) == 1
     assert machine.said == ["installing @scope/agent 1.2.3 with npm on node 22.20.0"]
 
@@ -96,7 +96,7 @@ def test_what_is_not_the_program_that_was_asked_for_does_not_count(machine: Mach
     machine.npm(code)
     assert reason in refused(machine).summary
     machine.npm()
-    assert installed(machine).anew
+    assert installed(machine).is_new
 
 
 @pytest.mark.parametrize("version", ["20.11.1", "22.18.0"])
@@ -141,18 +141,18 @@ def test_no_node_can_be_had(machine: Machine) -> None:
     machine.wheel = lambda target: None
     assert "holds no node for this machine" in (refused(machine, "HARNESS-INSTALL-NODE").detail or "")
     machine.carries_node()
-    assert installed(machine).anew
+    assert installed(machine).is_new
 
 
 def test_what_was_damaged_later_is_installed_anew(machine: Machine) -> None:
     done = installed(machine)
     (done.home / "node_modules" / "@scope" / "agent" / "cli").unlink()
     assert not whole(PIN, machine.environ())
-    assert installed(machine).anew
+    assert installed(machine).is_new
     machine.node("18.0.0")  # the machine's node has gone back
     machine.carries_node()
     done = installed(machine)
-    assert done.anew
+    assert done.is_new
     assert done.node is not None
 
 
@@ -166,7 +166,7 @@ def test_two_installations_at_once_do_the_work_once(machine: Machine) -> None:
         until(lambda: "waiting for another installation of it" in machine.said)
         (machine.folder / "go").touch()
         done = [first.result(60), second.result(60)]
-    assert [item.anew for item in done if isinstance(item, Installation)] == [True, False]
+    assert [item.is_new for item in done if isinstance(item, Installation)] == [True, False]
     assert len(machine.calls()) == 1
 
 
@@ -200,7 +200,7 @@ def test_an_installation_that_is_cut_off_leaves_nothing_that_counts(machine: Mac
         process.wait()
     assert locate(PIN, (), machine.environ()) is None
     machine.npm()
-    assert installed(machine).anew
+    assert installed(machine).is_new
     assert not list(machine.agents.glob(".*.partial"))
 
 

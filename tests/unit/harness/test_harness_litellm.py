@@ -11,13 +11,13 @@ from octoform.harness.adapters.litellm import LiteLLMHarness, ReactDialect
 from octoform.harness.port import (
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     Task,
     TaskLimits,
     ToolCalled,
     ToolReturned,
-    Trouble,
     Turn,
     Usage,
 )
@@ -57,7 +57,7 @@ def test_a_run_in_the_words_of_the_port() -> None:
     )
     assert events == [
         Replying(),
-        Said("I look."),
+        Output("I look."),
         Turn(Usage(1000, 400, 50)),
         ToolCalled("shell", "ls -l"),
         ToolReturned(failed=True),
@@ -79,8 +79,8 @@ def test_a_run_in_the_words_of_the_port() -> None:
 )
 def test_trouble_has_its_reason(status: int | None, text: str, reason: ExitReason, final: bool) -> None:
     line = {"type": "trouble", "text": text, "status": status, "final": False}
-    assert lines(ReactDialect(), "stdout", line) == [Trouble(reason, text, final)]
-    assert lines(ReactDialect(), "stdout", {**line, "final": True}) == [Trouble(reason, text, True)]
+    assert lines(ReactDialect(), "stdout", line) == [ModelProblem(reason, text, final)]
+    assert lines(ReactDialect(), "stdout", {**line, "final": True}) == [ModelProblem(reason, text, True)]
 
 
 def test_what_is_no_line_of_its_own_is_nothing() -> None:

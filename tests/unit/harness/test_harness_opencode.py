@@ -9,7 +9,7 @@ import pytest
 from unit.harness.program_streams import SECRET, invoked, lines, nowhere_in_files, of, recorded, without_turns
 
 from octoform.harness.adapters.opencode import PLUGIN, OpenCode, OpenCodeDialect
-from octoform.harness.port import ExitReason, Replying, Said, ToolCalled, ToolReturned, Trouble, Turn, Usage
+from octoform.harness.port import ExitReason, ModelProblem, Output, Replying, ToolCalled, ToolReturned, Turn, Usage
 from octoform.manifest.model import HarnessSpec
 
 REPLY = Turn(Usage(1000, 400, 50))
@@ -22,9 +22,9 @@ def test_a_run_that_went_well() -> None:
     assert of(events, Turn) == [REPLY] * 2
     assert without_turns(events) == [
         ToolCalled("bash", 'echo {} > "$OCTOFORM_OUTPUT"; echo "<$LOOP_KEY>"'),
-        Said("I write it."),
+        Output("I write it."),
         ToolReturned(),
-        Said("done"),
+        Output("done"),
     ]
 
 
@@ -45,7 +45,7 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
     assert [event.tool for event in of(events, ToolCalled)] == ["invalid", "invalid", "bash"]
     assert "unavailable tool 'no_such_tool'" in of(events, ToolCalled)[1].text
     assert [event.failed for event in of(events, ToolReturned)] == [True] * 3
-    assert of(events, Trouble) == []
+    assert of(events, ModelProblem) == []
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
     ],
 )
 def test_what_it_tries_again_and_what_not(name: str, reasons: list[ExitReason], told: str) -> None:
-    troubles = of(recorded(OpenCodeDialect(), f"opencode-{name}"), Trouble)
+    troubles = of(recorded(OpenCodeDialect(), f"opencode-{name}"), ModelProblem)
     assert [event.reason for event in troubles] == reasons
     assert [event.final for event in troubles] == [name == "auth"] * len(troubles)
     assert told in troubles[-1].text
@@ -66,17 +66,19 @@ def test_what_it_tries_again_and_what_not(name: str, reasons: list[ExitReason], 
 
 def test_the_status_stands_above_the_words() -> None:
     fields = {"octoform": "retry", "text": "Please come back tomorrow.", "status": 429}
-    assert lines(OpenCodeDialect(), "stderr", fields) == [Trouble(ExitReason.RATE_LIMIT, "Please come back tomorrow.")]
+    assert lines(OpenCodeDialect(), "stderr", fields) == [
+        ModelProblem(ExitReason.RATE_LIMIT, "Please come back tomorrow.")
+    ]
     unknown = {**fields, "status": None}
     (trouble,) = lines(OpenCodeDialect(), "stderr", unknown)
-    assert isinstance(trouble, Trouble) and trouble.reason is ExitReason.UNREACHABLE, "it would not try again"
+    assert isinstance(trouble, ModelProblem) and trouble.reason is ExitReason.UNREACHABLE, "it would not try again"
 
 
 def test_after_its_error_nothing_that_came_before_it_counts() -> None:
     dialect = OpenCodeDialect()
     error = {"name": "APIError", "data": {"message": "No such model.", "statusCode": 404}}
     assert lines(dialect, "stdout", {"type": "error", "error": error}) == [
-        Trouble(ExitReason.REFUSED, "No such model.", final=True)
+        ModelProblem(ExitReason.REFUSED, "No such model.", final=True)
     ]
     assert lines(dialect, "stderr", {"octoform": "retry", "text": "late", "status": 500}) == []
 

@@ -12,11 +12,11 @@ from octoform.harness.adapters.pi import Pi, PiDialect
 from octoform.harness.port import (
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
-    Trouble,
     Turn,
     Usage,
 )
@@ -28,11 +28,11 @@ SPEC = HarnessSpec("pi", key="LOOP_KEY", base_url="http://127.0.0.1:8080")
 
 def test_a_run_that_went_well() -> None:
     assert recorded(PiDialect(), "pi-ok") == [
-        Said("I write it."),
+        Output("I write it."),
         REPLY,
         ToolCalled("bash", 'echo {} > "$OCTOFORM_OUTPUT"; echo "<$LOOP_KEY>"'),
         ToolReturned(),
-        Said("done"),
+        Output("done"),
         REPLY,
         Closed(ok=True),
     ]
@@ -44,7 +44,7 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
     # Broken arguments it repairs as well as it can, and runs.
     assert [event.text for event in of(events, ToolCalled)] == ["echo hi", '{"x": 1}', "{}"]
     assert [event.failed for event in of(events, ToolReturned)] == [False, True, True]
-    assert of(events, Trouble) == []
+    assert of(events, ModelProblem) == []
 
 
 @pytest.mark.parametrize(
@@ -58,7 +58,7 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
 )
 def test_how_it_gives_up(name: str, reasons: list[ExitReason], told: str) -> None:
     events = recorded(PiDialect(), f"pi-{name}")
-    troubles = of(events, Trouble)
+    troubles = of(events, ModelProblem)
     assert [event.reason for event in troubles] == reasons
     assert [event.final for event in troubles] == [name == "auth"] * len(troubles)
     assert told in troubles[-1].text
@@ -74,7 +74,7 @@ def test_a_piece_of_a_reply_is_a_sign_of_life() -> None:
 
 def test_a_key_that_is_not_set() -> None:
     text = b"No API key found for octoform."
-    assert lines(PiDialect(), "stderr", text) == [Trouble(ExitReason.AUTH, text.decode(), final=True)]
+    assert lines(PiDialect(), "stderr", text) == [ModelProblem(ExitReason.AUTH, text.decode(), final=True)]
 
 
 def test_nothing_strange_is_an_event() -> None:

@@ -12,12 +12,12 @@ from octoform.harness.adapters.qwen_code import QwenCode, QwenCodeDialect
 from octoform.harness.port import (
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Replying,
-    Said,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -38,10 +38,10 @@ def test_a_run_that_went_well() -> None:
     events = recorded(QwenCodeDialect(), "qwen-code-ok")
     assert of(events, Turn) == [Turn(REPLY)] * 2, "words and call of a reply come in two messages"
     assert without_turns(events) == [
-        Said("I write it."),
+        Output("I write it."),
         ToolCalled("run_shell_command", 'echo {} > "$OCTOFORM_OUTPUT"'),
         ToolReturned(),
-        Said("done"),
+        Output("done"),
         Totals(Usage(2000, 800, 100)),
         Closed(ok=True),
     ]
@@ -51,7 +51,7 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
     events = recorded(QwenCodeDialect(), "qwen-code-bad")
     assert of(events, Turn) == [Turn(REPLY)] * 6, "one of them was asked for again"
     assert [event.failed for event in of(events, ToolReturned)] == [True, True, True, False, False]
-    assert of(events, Trouble) == []
+    assert of(events, ModelProblem) == []
     assert of(events, Totals) == [Totals(Usage(6000, 2400, 300))]
 
 
@@ -66,24 +66,24 @@ def test_calls_that_cannot_be_done_are_replies_too() -> None:
 )
 def test_how_it_gives_up(name: str, reason: ExitReason, told: str) -> None:
     events = recorded(QwenCodeDialect(), f"qwen-code-{name}")
-    troubles = of(events, Trouble)
+    troubles = of(events, ModelProblem)
     assert {event.reason for event in troubles} == {reason}
     assert [event.final for event in troubles] == [name == "auth"] * (len(troubles) - 1) + [True]
     assert told in troubles[-1].text
     assert events[-1] is troubles[-1]
     assert len(of(events, Turn)) == (4 if name == "loop" else 0), "its own words in place of a reply are none"
-    assert len(of(events, Said)) == 0
+    assert len(of(events, Output)) == 0
 
 
 def test_each_failed_attempt_is_told() -> None:
-    troubles = of(recorded(QwenCodeDialect(), "qwen-code-rate"), Trouble)
+    troubles = of(recorded(QwenCodeDialect(), "qwen-code-rate"), ModelProblem)
     assert len(troubles) == 4
     assert {(event.reason, event.final) for event in troubles} == {(ExitReason.RATE_LIMIT, False)}
     assert troubles[1].text == "Attempt 1 failed with status 429. Retrying with backoff in 2s..."
 
 
 def test_its_own_limit_of_turns_is_told_on_standard_error_alone() -> None:
-    found = of(recorded(QwenCodeDialect(), "qwen-code-turns"), Trouble)
+    found = of(recorded(QwenCodeDialect(), "qwen-code-turns"), ModelProblem)
     assert [(event.reason, event.final) for event in found] == [(ExitReason.TURN_LIMIT, True)]
 
 
@@ -99,7 +99,7 @@ def test_its_own_limit_of_turns_is_told_on_standard_error_alone() -> None:
 )
 def test_what_its_log_means(line: str, reason: ExitReason) -> None:
     (found,) = lines(QwenCodeDialect(), "stderr", (LOGGED + line).encode())
-    assert isinstance(found, Trouble)
+    assert isinstance(found, ModelProblem)
     assert (found.reason, found.final) == (reason, reason is ExitReason.REFUSED)
     assert not found.text.endswith("{")
 
@@ -110,16 +110,16 @@ def test_what_its_results_mean() -> None:
         return lines(QwenCodeDialect(), "stdout", error)
 
     missing = "Missing API key for OpenAI-compatible auth. Set settings.security.auth.apiKey, or set a variable."
-    assert result(missing) == [Trouble(ExitReason.AUTH, missing, final=True)]
+    assert result(missing) == [ModelProblem(ExitReason.AUTH, missing, final=True)]
     odd = "[API Error: the model is gone]"
-    assert result(odd) == [Trouble(ExitReason.CRASHED, odd, final=True)]
+    assert result(odd) == [ModelProblem(ExitReason.CRASHED, odd, final=True)]
 
 
 def test_a_service_that_counts_no_tokens() -> None:
     content = [{"type": "text", "text": "I do."}]
     message = {"role": "assistant", "content": content, "usage": {"input_tokens": 0, "output_tokens": 0}}
     found = lines(QwenCodeDialect(), "stdout", {"type": "assistant", "message": message}, compact(STOP), compact(STOP))
-    assert found == [Said("I do."), Turn()]
+    assert found == [Output("I do."), Turn()]
 
 
 def test_nothing_strange_is_an_event() -> None:

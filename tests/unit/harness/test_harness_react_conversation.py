@@ -26,7 +26,7 @@ def test_what_fits_is_sent_as_it_is() -> None:
     conversation = Conversation(INSTRUCTIONS, TASK)
     step(conversation, 1, "result 1")
     conversation.replied(Reply("what now", message={"role": "assistant", "content": "what now"}))
-    conversation.told("go on")
+    conversation.reply("go on")
     assert conversation.messages() == [
         {"role": "system", "content": INSTRUCTIONS},
         {"role": "user", "content": TASK},

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness.react.agent_tools import READ_BYTES, Said, patch, read_file, write_file
+from octoform.harness.react.agent_tools import READ_BYTES, ToolResult, patch, read_file, write_file
 
 
 @pytest.fixture
@@ -23,11 +23,11 @@ def test_a_whole_file_and_parts_of_it(folder: Path) -> None:
     (folder / "a").write_text("".join(f"line {number}\n" for number in range(1, 11)))
     assert read_file(folder, "a").text.splitlines()[0] == "line 1"
     assert "[lines" not in read_file(folder, "a").text
-    assert read_file(folder, "a", 4, 2) == Said("line 4\nline 5\n[lines 4 to 5 of 10]")
-    assert read_file(folder, str(folder / "a"), 9) == Said("line 9\nline 10\n[lines 9 to 10 of 10]")
-    assert read_file(folder, "a", 11) == Said("[nothing there: the file has 10 lines]")
+    assert read_file(folder, "a", 4, 2) == ToolResult("line 4\nline 5\n[lines 4 to 5 of 10]")
+    assert read_file(folder, str(folder / "a"), 9) == ToolResult("line 9\nline 10\n[lines 9 to 10 of 10]")
+    assert read_file(folder, "a", 11) == ToolResult("[nothing there: the file has 10 lines]")
     (folder / "empty").touch()
-    assert read_file(folder, "empty") == Said("[the file is empty]")
+    assert read_file(folder, "empty") == ToolResult("[the file is empty]")
 
 
 def test_reading_is_bounded(folder: Path) -> None:
@@ -44,7 +44,7 @@ def test_a_kernel_file_is_read_and_a_device_is_not_opened(folder: Path) -> None:
     with socket.socket(socket.AF_UNIX) as listening:
         listening.bind(str(folder / "sock"))
         for special in ("pipe", "sock", "/dev/null", "."):
-            assert read_file(folder, special) == Said(f"{special} is no plain file", failed=True)
+            assert read_file(folder, special) == ToolResult(f"{special} is no plain file", failed=True)
     primary, secondary = os.openpty()
     try:
         assert read_file(folder, os.ttyname(secondary)).failed
@@ -65,7 +65,7 @@ def test_hidden_signs_are_shown(folder: Path) -> None:
 
 def test_a_file_is_written_whole_and_with_its_folders(folder: Path) -> None:
     found = write_file(folder, "new/deep/a.txt", "caf\u00e9\n")
-    assert found == Said("6 bytes written to new/deep/a.txt")
+    assert found == ToolResult("6 bytes written to new/deep/a.txt")
     assert (folder / "new/deep/a.txt").read_text("utf-8") == "caf\u00e9\n"
     (folder / "run").write_text("old")
     (folder / "run").chmod(0o750)
@@ -115,7 +115,7 @@ def test_descriptors_are_given_back(folder: Path) -> None:
 def test_replacements_in_their_order(folder: Path) -> None:
     (folder / "a").write_bytes(b"one\r\ntwo\nthree\n")
     found = patch(folder, "a", [{"old": "one\r\n", "new": "1\n"}, {"old": "1\ntwo", "new": "1\n2"}])
-    assert found == Said("2 replacement(s) made in a")
+    assert found == ToolResult("2 replacement(s) made in a")
     assert (folder / "a").read_bytes() == b"1\n2\nthree\n"
 
 

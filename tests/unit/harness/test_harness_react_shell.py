@@ -10,7 +10,7 @@ from unit.harness.harness_agents import alive
 from waiting import until
 
 from octoform.harness.containment import orphans
-from octoform.harness.react.agent_tools import OUTPUT_BYTES, Said, Shell
+from octoform.harness.react.agent_tools import OUTPUT_BYTES, Shell, ToolResult
 
 
 @pytest.fixture
@@ -20,14 +20,14 @@ def shell(tmp_path: Path) -> Shell:
 
 def test_both_streams_in_their_order_and_the_folder(shell: Shell, tmp_path: Path) -> None:
     found = shell.run("echo out; echo err >&2; pwd; printf %s end")
-    assert found == Said(f"out\nerr\n{tmp_path}\nend")
+    assert found == ToolResult(f"out\nerr\n{tmp_path}\nend")
 
 
 def test_a_command_that_says_nothing_and_one_that_fails(shell: Shell) -> None:
-    assert shell.run("true") == Said("[no output, exit status 0]")
-    assert shell.run("echo so; exit 7") == Said("so\n[exit status 7]", failed=True)
+    assert shell.run("true") == ToolResult("[no output, exit status 0]")
+    assert shell.run("echo so; exit 7") == ToolResult("so\n[exit status 7]", failed=True)
     assert shell.run("no-such-program-here").failed
-    assert shell.run("kill -9 $$") == Said("[ended by signal 9]", failed=True)
+    assert shell.run("kill -9 $$") == ToolResult("[ended by signal 9]", failed=True)
     assert "could not be started" in shell.run("echo \0").text
 
 
@@ -53,7 +53,7 @@ def test_bytes_that_are_no_text_and_signs_that_hide(shell: Shell) -> None:
 def test_a_command_over_its_time_ends_with_its_group(shell: Shell, tmp_path: Path) -> None:
     began = time.monotonic()
     result = shell.run("echo before; sleep 300 & echo $! > child; trap '' TERM; while :; do sleep 0.05; done", 1)
-    assert result == Said("before\n[ended after 1 seconds, its limit]", failed=True)
+    assert result == ToolResult("before\n[ended after 1 seconds, its limit]", failed=True)
     assert time.monotonic() - began < 15
     child = int((tmp_path / "child").read_text())
     until(lambda: (found := orphans.look(child)) is None or found.state in "ZX")
@@ -68,7 +68,7 @@ def test_no_command_gets_more_than_the_most(tmp_path: Path) -> None:
 def test_what_runs_on_is_not_waited_for(shell: Shell, tmp_path: Path) -> None:
     began = time.monotonic()
     result = shell.run("sleep 300 & echo $! > child; echo done")
-    assert result == Said("done")
+    assert result == ToolResult("done")
     assert time.monotonic() - began < 10
     pid = int((tmp_path / "child").read_text())
     found = orphans.look(pid)

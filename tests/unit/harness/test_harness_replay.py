@@ -12,7 +12,7 @@ from octoform.harness.port import (
     AgentEvent,
     ExitReason,
     Outcome,
-    Said,
+    Output,
     Task,
     TaskLimits,
     ToolCalled,
@@ -118,7 +118,7 @@ def test_the_good_attempt_with_all_that_it_did(folder: Path, play: Play) -> None
     assert (outcome.turns, outcome.program) == (2, "pi 1.2")
     assert outcome.seconds < 3.0, "a replay does not wait as the agent did"
     assert [at for _, at, _ in found] == [line["at"] for line in TRANSCRIPT]
-    assert found[0][0] == Said("I look at {project}")
+    assert found[0][0] == Output("I look at {project}")
     assert found[1][0] == ToolCalled("bash", "ls /sys")
     assert [used.input_tokens for event, _, used in found if isinstance(event, Turn | Totals)] == [10, 30, 31]
     assert task.transcript.read_bytes() == (folder / "probe-2/transcript.jsonl").read_bytes()

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from octoform.harness.port import AgentEvent, ExitReason, Replying, Said, TaskLimits, Trouble
+from octoform.harness.port import AgentEvent, ExitReason, ModelProblem, Output, Replying, TaskLimits
 from octoform.harness.watcher import Watcher
 
 
@@ -13,7 +13,7 @@ class Letters:
         if line == b"piece":
             yield Replying()
         elif line == b"failed":
-            yield Trouble(ExitReason.UNREACHABLE, "failed")
+            yield ModelProblem(ExitReason.UNREACHABLE, "failed")
 
 
 class Run:
@@ -35,7 +35,7 @@ class Run:
 def test_a_long_reply_is_not_idle_and_tells_nothing() -> None:
     run = Run()
     assert not any(run.at(second, b"piece") for second in range(0, 300, 50))
-    assert set(run.told) == {Said("")}, "only that it is silent"
+    assert set(run.told) == {Output("")}, "only that it is silent"
     assert run.at(311, b"no event")
     assert run.watcher.reason is ExitReason.IDLE
 

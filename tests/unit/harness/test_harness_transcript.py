@@ -11,12 +11,12 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
-    Said,
+    ModelProblem,
+    Output,
     TaskLimits,
     ToolCalled,
     ToolReturned,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -24,15 +24,15 @@ from octoform.harness.transcript import Moment, decode, encode, read, used, with
 from octoform.harness.watcher import Watcher
 
 EVENTS: list[AgentEvent] = [
-    Said("a line"),
+    Output("a line"),
     ToolCalled("bash", "echo 'ä' | cat"),
     ToolReturned(True),
     ToolReturned(),
     Turn(Usage(1, 2, 3, 0.5, "manifest")),
     Turn(),
     Totals(Usage(10, None, 4)),
-    Trouble(ExitReason.RATE_LIMIT, "429"),
-    Trouble(ExitReason.AUTH, "401", final=True),
+    ModelProblem(ExitReason.RATE_LIMIT, "429"),
+    ModelProblem(ExitReason.AUTH, "401", final=True),
     Closed(False, "gave up"),
 ]
 
@@ -64,14 +64,14 @@ def test_what_the_watcher_writes_is_read_again(tmp_path: Path) -> None:
     [b"", b"{", b"[]", b"{}", b'{"event": 3}', b'{"event": "dance"}', b"\xff\xfe", b"{" * 5000, b'{"event": null}'],
 )
 def test_what_is_no_event_is_passed_over(line: bytes) -> None:
-    assert decode(line + b'\n{"event": "said", "text": "x", "at": "late"}\n') == [Moment(0.0, Said("x"))]
+    assert decode(line + b'\n{"event": "said", "text": "x", "at": "late"}\n') == [Moment(0.0, Output("x"))]
 
 
 def test_values_of_the_wrong_kind_are_none() -> None:
     line = b'{"at": -1, "event": "turn", "usage": {"input_tokens": "many", "output_tokens": true, "cost_usd": 1e99}}'
     assert decode(line) == [Moment(0.0, Turn(Usage()))]
     assert decode(b'{"event": "trouble", "reason": "weather", "text": 4}') == [
-        Moment(0.0, Trouble(ExitReason.CRASHED, ""))
+        Moment(0.0, ModelProblem(ExitReason.CRASHED, ""))
     ]
 
 
@@ -92,7 +92,7 @@ def test_only_what_has_words_gets_others() -> None:
 
 
 def test_what_was_used_so_far_is_what_the_watcher_counts() -> None:
-    assert used([Moment(0.0, Said("a line"))]) == (None, Usage())
+    assert used([Moment(0.0, Output("a line"))]) == (None, Usage())
     replies = [Moment(float(at), Turn(Usage(10, None, at))) for at in range(3)]
     assert used(replies) == (3, Usage(30, None, 3))
     assert used([*replies, Moment(3.0, Totals(Usage(31, 5, 4)))]) == (3, Usage(31, 5, 4))
@@ -109,7 +109,7 @@ class Pieces:
             self._held += json.loads(line)
             return []
         text, self._held = self._held, ""
-        return [Said(text), ToolCalled("bash", text), Trouble(ExitReason.AUTH, text), Closed(False, text)]
+        return [Output(text), ToolCalled("bash", text), ModelProblem(ExitReason.AUTH, text), Closed(False, text)]
 
 
 KEY = "loop-7f3c19d2a4"

@@ -11,12 +11,12 @@ from octoform.harness.port import (
     AgentEvent,
     Closed,
     ExitReason,
+    ModelProblem,
+    Output,
     Price,
-    Said,
     TaskLimits,
     ToolCalled,
     Totals,
-    Trouble,
     Turn,
     Usage,
 )
@@ -26,9 +26,9 @@ EVENTS: dict[bytes, AgentEvent] = {
     b"turn": Turn(Usage(1000, 400, 100)),
     b"turn of unknown use": Turn(),
     b"tool": ToolCalled("shell", "ls /sys"),
-    b"said": Said("thinking"),
-    b"refused": Trouble(ExitReason.AUTH, "401", final=True),
-    b"limited": Trouble(ExitReason.RATE_LIMIT, "429"),
+    b"said": Output("thinking"),
+    b"refused": ModelProblem(ExitReason.AUTH, "401", final=True),
+    b"limited": ModelProblem(ExitReason.RATE_LIMIT, "429"),
     b"totals": Totals(Usage(5000, 0, 500)),
     b"priced totals": Totals(Usage(5000, 0, 500, 0.07, "claude-code")),
     b"done": Closed(ok=True),
@@ -137,7 +137,7 @@ def test_trouble_that_passes_is_forgotten() -> None:
     assert run.at(19, b"turn") is None
     assert run.at(30, b"limited") is None
     assert run.at(49) is None, "patience begins again"
-    assert run.watcher.trouble == EVENTS[b"limited"]
+    assert run.watcher.problem == EVENTS[b"limited"]
 
 
 def test_trouble_is_no_sign_of_work_and_gives_silence_its_reason() -> None:
@@ -173,10 +173,10 @@ def test_lines_come_in_any_pieces_and_one_that_is_too_long_is_left_out() -> None
 def test_what_was_said_last_is_told_at_the_end() -> None:
     run = Run()
     run.at(1, b"turn")
-    EVENTS[b"closing words"] = Said("closing words")
+    EVENTS[b"closing words"] = Output("closing words")
     run.watcher.feed("stdout", b"said\nclosing words\n")
     run.watcher.finish()
-    assert run.told[-1] == Said("closing words")
+    assert run.told[-1] == Output("closing words")
 
 
 def test_the_streams_are_read_apart() -> None:

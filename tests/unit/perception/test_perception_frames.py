@@ -46,7 +46,7 @@ def test_the_first_picture_is_compared_with_nothing() -> None:
     record = after(taken())
     assert record.current is not None and record.previous is None and record.absent is None
     assert (record.current.file, record.current.at, record.current.size) == ("current.jpg", at(0), 13)
-    assert (record.current.frozen, record.current.difference, record.current.trouble) == (None, None, None)
+    assert (record.current.frozen, record.current.difference, record.current.problem) == (None, None, None)
     assert record.summary.changes == (f"{at(0)}: first picture through usb-1f00-00c1",)
 
 
@@ -72,7 +72,7 @@ def test_one_repeat_is_suspected_and_no_trouble_and_a_new_picture_ends_it() -> N
     record = after(taken(), taken())
     assert record.current is not None and record.current.suspected
     assert (record.current.repeats, record.current.since, record.current.frozen) == (1, at(0), None)
-    assert record.current.trouble is None and record.summary.frozen == 0
+    assert record.current.problem is None and record.summary.frozen == 0
     last = after(taken(), taken(), taken(seed=1)).current
     assert last is not None and (last.repeats, last.frozen, last.suspected) == (0, False, False)
 
@@ -82,13 +82,13 @@ def test_a_record_of_before_that_knows_no_pixels_is_still_read() -> None:
     for name in ("pixels", "grain", "repeats", "since"):
         del document["current"][name]
     record = with_picture(Record.model_validate(document), taken(), VIEW, at(9))
-    assert record.current is not None and (record.current.repeats, record.current.trouble) == (0, None)
+    assert record.current is not None and (record.current.repeats, record.current.problem) == (0, None)
 
 
 @pytest.mark.parametrize(("last", "trouble"), [(black(1), "black"), (taken(30), "frozen")])
 def test_of_a_picture_that_shows_nothing_no_state_is_told(last: Taken, trouble: str) -> None:
     record = after(taken(), *[taken(30)] * 5, last)
-    assert record.current is not None and record.current.trouble == trouble
+    assert record.current is not None and record.current.problem == trouble
     found = words(record)
     assert f"it is {trouble}" in found and "physical state is unknown" in found
     assert "changed" not in found and "mean" not in found

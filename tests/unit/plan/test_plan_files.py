@@ -6,11 +6,11 @@ from octoform.plan.diff import Observed, Prior, Wishes, diff
 from octoform.plan.model import (
     Action,
     Change,
+    NamedDevice,
     NearProfile,
     OpenQuestion,
     Plan,
     ProfileUse,
-    ToldDevice,
     from_json,
     to_json,
 )
@@ -83,7 +83,7 @@ def test_json_there_and_back() -> None:
         diff(GRAPH, settled(), observed(endpoint=("down",), fingerprint="sha256:other"), Wishes()),
         changes=(Change("hardware", "usb:v1d6b", Action.CREATE),),
         questions=(OpenQuestion("usb-1", "serial adapter", "Say what is attached.", 3),),
-        devices=(ToldDevice("usb-2", "Heron lamp", 2, "the lamp", "lamp"),),
+        devices=(NamedDevice("usb-2", "Heron lamp", 2, "the lamp", "lamp"),),
         profiles=(ProfileUse("lamp", "usb-2", Action.CREATE),),
         near=(NearProfile("pump", "usb-1", "Heron pump"),),
         tier1=True,

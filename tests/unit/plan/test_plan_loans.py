@@ -5,8 +5,8 @@ from dataclasses import replace
 from unit.plan.settled_graph import GRAPH, OUTPUTS, observed, settled
 
 from octoform.graph.model import key_parts
-from octoform.plan.diff import Offer, Offers, Prior, Wishes, diff, with_loans
-from octoform.plan.model import Loan, PlannedAction
+from octoform.plan.diff import Offer, Offers, Prior, Wishes, diff, with_reuse
+from octoform.plan.model import PlannedAction, Reuse
 
 FRESH = "sha256:of-another"
 
@@ -22,12 +22,12 @@ def lent(offers: Offers, prior: dict[str, Prior] | None = None, **wishes: frozen
         known = settled()["identify"]
         prior = settled(identify=replace(known, key_parts={**known.key_parts, "spec": "sha256:older"}))
     actions = diff(GRAPH, prior, observed(), Wishes(**wishes))
-    return {action.node: action for action in with_loans(GRAPH, actions, prior, offers)}
+    return {action.node: action for action in with_reuse(GRAPH, actions, prior, offers)}
 
 
 def test_an_output_of_the_same_key_is_taken_and_no_agent_called() -> None:
     planned = lent({"identify": (Offer("desk", parts_of("identify"), FRESH),)})
-    assert planned["identify"].loan == Loan("desk", FRESH, certain=True)
+    assert planned["identify"].loan == Reuse("desk", FRESH, certain=True)
     assert not planned["identify"].calls_agent and not planned["identify"].calls_model
 
 
@@ -40,7 +40,7 @@ def test_an_output_of_another_key_is_not() -> None:
 def test_the_first_that_fits_is_taken() -> None:
     wrong = Offer("desk", parts_of("identify", probe="sha256:other"), "sha256:a")
     right, later = (Offer(host, parts_of("identify"), FRESH) for host in ("shelf", "van"))
-    assert lent({"identify": (wrong, right, later)})["identify"].loan == Loan("shelf", FRESH, certain=True)
+    assert lent({"identify": (wrong, right, later)})["identify"].loan == Reuse("shelf", FRESH, certain=True)
 
 
 def test_what_a_person_wants_anew_is_never_lent() -> None:
@@ -53,7 +53,7 @@ def test_a_stage_behind_one_that_is_lent_has_the_lent_output_as_its_input() -> N
     wrong = Offer("shelf", parts_of("interface"), "sha256:others")
     behind = Offer("desk", parts_of("interface", identify=FRESH), "sha256:tools")
     planned = lent({"identify": (Offer("desk", parts_of("identify"), FRESH),), "interface": (wrong, behind)})
-    assert planned["interface"].loan == Loan("desk", "sha256:tools", certain=False)
+    assert planned["interface"].loan == Reuse("desk", "sha256:tools", certain=False)
     assert planned["interface"].calls_agent, "it is carried out only where the output is another one"
 
 
@@ -62,4 +62,4 @@ def test_while_an_input_is_unknown_the_rest_of_the_key_decides_whether_it_may_fi
     wrong = Offer("shelf", {**parts_of("interface"), "model": "another"}, "sha256:others")
     planned = lent({"interface": (wrong, fits)})
     assert planned["identify"].loan is None
-    assert planned["interface"].loan == Loan("desk", "sha256:tools", certain=False)
+    assert planned["interface"].loan == Reuse("desk", "sha256:tools", certain=False)

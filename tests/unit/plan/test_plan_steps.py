@@ -7,7 +7,7 @@ import pytest
 
 from octoform.graph.model import Graph, Node, NodeKind, key_parts
 from octoform.plan import model, planfile
-from octoform.plan.diff import Observed, Prior, Wishes, diff, with_loans
+from octoform.plan.diff import Observed, Prior, Wishes, diff, with_reuse
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, StepOutlook
 
 STEP = Node("step.lamp", NodeKind.STEP, ("serve",), {"spec": "sha256:spec"}, harness="builtin", after=("endpoint",))
@@ -61,7 +61,7 @@ def test_a_step_that_was_taken_out_goes_first() -> None:
     assert (actions[0].node, actions[0].action) == ("step.lamp", Action.DESTROY)
     assert [item.cause for item in actions[0].reasons] == [Cause.REMOVED]
     assert not actions[0].calls_agent
-    assert with_loans(WITHOUT, actions, PRIOR, {}) == actions
+    assert with_reuse(WITHOUT, actions, PRIOR, {}) == actions
 
 
 def test_a_run_that_keeps_to_other_nodes_leaves_it_and_so_does_one_of_an_unknown_kind() -> None:

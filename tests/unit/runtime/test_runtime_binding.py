@@ -137,7 +137,7 @@ def test_a_number_that_two_show_is_none(tree: Tree, instances: Instances) -> Non
 def test_what_makers_put_in_place_of_a_number_never_equals_another(
     tree: Tree, instances: Instances, serial: str
 ) -> None:
-    assert not serials.tells_apart(serial)
+    assert not serials.is_distinctive(serial)
     instances({BOARD: at("1-2", serial, "strong"), TWIN: at("1-3", serial, "strong")})
     plug(tree, "1-4", serial)
     plug(tree, "1-5", serial)

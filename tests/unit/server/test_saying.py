@@ -10,12 +10,12 @@ from pathlib import Path
 
 import pytest
 
-from octoform.server.process.stderr_log import Said, say
+from octoform.server.process.stderr_log import StderrHandler, write_line
 
 
 def test_a_line_is_said(capsys: pytest.CaptureFixture[str]) -> None:
     before = time.time()
-    say("a door is closed")
+    write_line("a door is closed")
     stamp, _, found = capsys.readouterr().err.partition(" ")
     assert found == "octoform: a door is closed\n"
     assert before - 0.002 <= datetime.fromisoformat(stamp).timestamp() <= time.time()
@@ -23,7 +23,7 @@ def test_a_line_is_said(capsys: pytest.CaptureFixture[str]) -> None:
 
 def test_what_is_logged_has_the_same_form(capsys: pytest.CaptureFixture[str]) -> None:
     logger = logging.Logger("octoform.any")
-    logger.addHandler(Said())
+    logger.addHandler(StderrHandler())
     logger.error("the tool %s failed inside", "move")
     stamp, _, found = capsys.readouterr().err.partition(" ")
     assert (stamp[-1], found) == ("Z", "octoform: the tool move failed inside\n")
@@ -33,7 +33,7 @@ def test_a_full_disk_takes_the_line_and_nothing_else(monkeypatch: pytest.MonkeyP
     with Path("/dev/full").open("w", encoding="utf-8") as full:
         monkeypatch.setattr(sys, "stderr", full)
         for _ in range(2_000):  # more than any buffer keeps
-            say("there is no room " * 10)
+            write_line("there is no room " * 10)
         monkeypatch.undo()
         somewhere = os.open(os.devnull, os.O_WRONLY)  # closing writes what is left
         os.dup2(somewhere, full.fileno())
@@ -47,6 +47,6 @@ def test_another_fault_is_raised(monkeypatch: pytest.MonkeyPatch) -> None:
         broken = io.TextIOWrapper(raw, encoding="utf-8", write_through=True)
         monkeypatch.setattr(sys, "stderr", broken)
         with pytest.raises(BrokenPipeError):
-            say("no one reads")
+            write_line("no one reads")
         monkeypatch.undo()
         broken.detach()

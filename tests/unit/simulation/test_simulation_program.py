@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from octoform.simulation.rig import Rig, RigInvalid, load, names
-from octoform.simulation.rig_commands import CommandRefused, changed, obey, shown
+from octoform.simulation.rig_commands import CommandRefused, changed, describe, obey
 
 GIVEN = load("reference")
 
@@ -78,7 +78,7 @@ def test_faults_by_their_names(rig: Rig) -> None:
     obey(rig, "fault arm dropped")
     obey(rig, "fault rail jammed")
     assert (rig.servos.servos[2].fault, rig.servos.bus_fault, rig.line.fault) == ("stuck", "dropped", "jammed")
-    rows = {row["name"]: row for row in shown(rig)}
+    rows = {row["name"]: row for row in describe(rig)}
     assert rows["arm"]["servos"][1]["fault"] == "stuck" and not rows["rail"]["plugged"]
     for target in ("arm.2", "arm", "rail"):
         assert obey(rig, f"fault {target} none")["fault"] is None

@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 
 from octoform.state import artifact_cache
 from octoform.state.accepted import accept, file_digest
-from octoform.state.artifact_cache import MOST_ASIDE, Damage, damage_of, set_aside
+from octoform.state.artifact_cache import MOST_ASIDE, Damage, damage_of, move_aside
 from octoform.state.layout import Layout
 
 SERVER = b"import os\n\n\ndef tool():\n    return os.name\n"
@@ -121,7 +121,7 @@ def test_nothing_is_lost_of_what_is_set_aside_and_edits_stay_for_ever(layout: La
     for number in range(MOST_ASIDE + 5):
         for why in (Damage.BROKEN, Damage.EDITED):
             path.write_bytes(b"%d" % number)
-            target, problem = set_aside(layout, path, f"2026-01-01T00:00:{number:02}Z", why)
+            target, problem = move_aside(layout, path, f"2026-01-01T00:00:{number:02}Z", why)
             assert problem is None and target is not None and target.read_bytes() == b"%d" % number
             assert not path.exists()
     names = [folder.name for folder in (layout.daemon / "aside").iterdir()]
@@ -130,9 +130,9 @@ def test_nothing_is_lost_of_what_is_set_aside_and_edits_stay_for_ever(layout: La
     own = layout.endpoint / "connection.json"
     own.parent.mkdir(parents=True)
     own.write_text("{}")
-    found, _ = set_aside(layout, own, "2026-01-01T00:00:59Z", Damage.EDITED)
+    found, _ = move_aside(layout, own, "2026-01-01T00:00:59Z", Damage.EDITED)
     assert found is not None and "-damaged" in str(found)
     path.symlink_to("nowhere")
-    link, _ = set_aside(layout, path, "2026-01-01T00:01:00Z", Damage.LINK)
+    link, _ = move_aside(layout, path, "2026-01-01T00:01:00Z", Damage.LINK)
     assert link is not None and link.is_symlink()
-    assert set_aside(layout, path, "2026-01-01T00:02:00Z", Damage.LINK) == (None, None)
+    assert move_aside(layout, path, "2026-01-01T00:02:00Z", Damage.LINK) == (None, None)

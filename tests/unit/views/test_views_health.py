@@ -10,8 +10,8 @@ import pytest
 from octoform.daemon.health import Health, Part
 from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
 from octoform.daemon.notices import Failing
-from octoform.daemon.status import Survey, Trouble
-from octoform.daemon.store.incidents import Episode, Try
+from octoform.daemon.status import OpenProblem, Survey
+from octoform.daemon.store.incidents import Incident, Try
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.store.lock import myself
 from octoform.views.daemon import event_log, requests
@@ -37,7 +37,7 @@ def console(*, colour: bool = False) -> tuple[Console, io.StringIO]:
     return Console(out, io.StringIO(), colour=colour, colour_err=False, interactive=False), out
 
 
-def episode(**changes: object) -> Episode:
+def episode(**changes: object) -> Incident:
     known = {
         "id": "e7",
         "kind": Kind.CRASH_LOOP,
@@ -53,7 +53,7 @@ def episode(**changes: object) -> Episode:
         "outcome": Outcome.FROZEN,
         "hint": "3 tries did not help",
     }
-    return Episode(**{**known, **changes})  # type: ignore[arg-type]
+    return Incident(**{**known, **changes})  # type: ignore[arg-type]
 
 
 def survey(status: Status, parts: Iterable[Part] = (), **more: object) -> Survey:
@@ -64,7 +64,7 @@ def survey(status: Status, parts: Iterable[Part] = (), **more: object) -> Survey
 
 
 def bad_night() -> Survey:
-    frozen = Trouble(
+    frozen = OpenProblem(
         "endpoint",
         episode().summary,
         stamp(7500),
@@ -83,7 +83,7 @@ def bad_night() -> Survey:
     return survey(
         Status.DOWN,
         parts,
-        troubles=(Trouble("device:usb-1", gone.summary, stamp(60), gone, "", "put it back"), frozen),
+        problems=(OpenProblem("device:usb-1", gone.summary, stamp(60), gone, "", "put it back"), frozen),
         todo=(("octoform confirm c3", "waits for a person: the elbow is locked"),),
         untold=(Failing("webhook", stamp(7400), "it answered with 404", 4),),
     )
@@ -154,9 +154,9 @@ def test_a_program_reads_all_of_it() -> None:
 
 def test_what_devices_say_is_bounded_and_escaped() -> None:
     hostile = "\x1b[2J" + "x" * 5000 + "\u202e"
-    trouble = Trouble(hostile, hostile, hostile, episode(target=hostile, summary=hostile), hostile, hostile)
+    trouble = OpenProblem(hostile, hostile, hostile, episode(target=hostile, summary=hostile), hostile, hostile)
     parts = [Part("unit:" + hostile, Status.UNKNOWN, hostile), Part(hostile, Status.DOWN, hostile)] * 30
-    found = survey(Status.DOWN, parts, troubles=(trouble,) * 30, todo=((hostile, hostile),))
+    found = survey(Status.DOWN, parts, problems=(trouble,) * 30, todo=((hostile, hostile),))
     screen, out = console()
     health_view.health(screen, found, as_json=False)
     assert "\x1b" not in out.getvalue()
@@ -185,7 +185,7 @@ def test_a_stamp_that_is_none_is_shown_as_it_is() -> None:
     assert clock("yesterday") == "yesterday"
 
 
-def ended(number: int, seconds: float, outcome: Outcome = Outcome.REPAIRED) -> Episode:
+def ended(number: int, seconds: float, outcome: Outcome = Outcome.REPAIRED) -> Incident:
     spent = Spent(1, 10, 5, 0.01)
     return episode(
         id=f"e{number}", closed=stamp(0), closed_uptime=100.0 + seconds, outcome=outcome, spent=spent, tries=[]

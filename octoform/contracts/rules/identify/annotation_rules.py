@@ -8,10 +8,10 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import MEASURED, RAW, WAYS, measures, speaks_bytes
-from octoform.contracts.device_kinds import shown as ways_of
+from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule, does_stop
 from octoform.contracts.name_clues import (
     changes,
@@ -68,7 +68,7 @@ def method_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # other systems have other words for drivers and classes
         why = _without_method(device, entry, artifacts) if entry is not None else None
         if why is not None:
-            summary = f"{shown(device['id'])} was identified by {device['method']}, and {why[0]}"
+            summary = f"{display(device['id'])} was identified by {device['method']}, and {why[0]}"
             where = pointer("devices", index, "method")
             out.append(error("IDENTIFY-METHOD-FALSE", summary, pointer=where, hint=why[1]))
     return out
@@ -80,7 +80,7 @@ def known_called_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagno
     return [
         error(
             "IDENTIFY-KNOWN-CALLED-UNKNOWN",
-            f"{shown(device['id'])} is unknown, and PROBE shows {listed(evident)} of it",
+            f"{display(device['id'])} is unknown, and PROBE shows {listed(evident)} of it",
             pointer=pointer("devices", index, "category"),
             hint="name the kind of thing that this class shows, with method kernel_class, or leave it out",
         )
@@ -102,7 +102,7 @@ def reason_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # another rule's finding
         why = _contradicted(item["reason"], entry, kept, artifacts)
         if why is not None:
-            summary = f"{shown(item['id'])} is skipped as {item['reason']}, and PROBE shows {why[0]}"
+            summary = f"{display(item['id'])} is skipped as {item['reason']}, and PROBE shows {why[0]}"
             where = pointer("left_out", index, "reason")
             out.append(error("IDENTIFY-REASON-FALSE", summary, pointer=where, hint=why[1]))
     return out
@@ -114,7 +114,7 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
     return [
         error(
             "IDENTIFY-CAPABILITY-ON-A-GUESS",
-            f"{shown(device['id'])} has capabilities through a raw line at a confidence of {device['confidence']}",
+            f"{display(device['id'])} has capabilities through a raw line at a confidence of {device['confidence']}",
             pointer=pointer("devices", index, "capabilities"),
             hint=f"leave them out below 0.5; `octoform profile new {device['id']}` drafts what a person knows of it",
         )
@@ -134,16 +134,17 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         command, stops = commands.get(capability["name"]), capability.get("stops", False)
         where: tuple[str, ...]
         if command is None:
-            summary = f"{shown(capability['name'])} is no command of the profile {shown(profile)}"
+            summary = f"{display(capability['name'])} is no command of the profile {display(profile)}"
             where, hint = ("name",), f"its commands are {listed(list(commands), 12)}"
         elif command["effect"] != capability["effect"]:
-            summary = (
-                f"{shown(capability['name'])} is {capability['effect']}, and {shown(profile)} declares another effect"
-            )
+            summary = f"{display(capability['name'])} is {capability['effect']}, "
+            summary += f"and {display(profile)} declares another effect"
             where, hint = ("effect",), f"write {command['effect']}"
         elif stops is not does_stop(command):
             end = "no end of a movement" if stops else "the end of a movement"
-            summary = f"{shown(capability['name'])} is {end} by the profile {shown(profile)}, and is marked otherwise"
+            summary = (
+                f"{display(capability['name'])} is {end} by the profile {display(profile)}, and is marked otherwise"
+            )
             where = ("stops",) if "stops" in capability else ()
             hint = 'write "stops": false, or leave it out' if stops else 'write "stops": true'
         else:
@@ -156,8 +157,8 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         if facts is None or not has or device["id"] not in facts.holds:
             continue
         if absent := [str(command["tool"]) for command in facts.commands if command["tool"] not in has]:
-            owner = f"the protocol definition of {shown(facts.name)}"
-            summary = f"{shown(device['id'])} lacks {listed(absent)}, which {owner} has"
+            owner = f"the protocol definition of {display(facts.name)}"
+            summary = f"{display(device['id'])} lacks {listed(absent)}, which {owner} has"
             place, hint = pointer("devices", index, "capabilities"), "make one capability of each command, in its name"
             out.append(error("IDENTIFY-GRAMMAR", summary, pointer=place, hint=hint))
     return out
@@ -218,7 +219,7 @@ def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts)
     if method == answer_rules.METHOD and device["id"] in artifacts.answers:
         found = answer_rules.texts(device["id"], artifacts)
         spoken = len(re.findall(r"\w", found[0])) >= 2
-        verbatim = all(answer_rules.stands_in(item["quote"], entry, artifacts) for item in device["evidence"])
+        verbatim = all(answer_rules.is_quoted(item["quote"], entry, artifacts) for item in device["evidence"])
         if spoken and verbatim and not any(item["quote"] in text for item in device["evidence"] for text in found):
             return "no evidence is of that answer", "quote the owner's answer beside what PROBE shows"
     return None
@@ -329,9 +330,9 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if shows and (right or not (wanted or measured)) and reached <= shows:
             continue
         wanted += [MEASURED[word] for word in measured]
-        name = shown(capability["name"])
+        name = display(capability["name"])
         has = f"it has {listed(sorted(shows))}" if shows else "it has none"
-        summary = f"no class that PROBE shows of {shown(device['id'])} leads to {name}; {has}"
+        summary = f"no class that PROBE shows of {display(device['id'])} leads to {name}; {has}"
         hint = (
             f"{listed(list(dict.fromkeys(way for ways in wanted for way in ways)))} would; leave it out"
             if wanted
@@ -348,7 +349,7 @@ def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return [
         error(
             "IDENTIFY-EFFECT-UNDERSTATED",
-            f"{shown(capability['name'])} is declared read, and {shown(verb)} is no reading",
+            f"{display(capability['name'])} is declared read, and {display(verb)} is no reading",
             pointer=pointer("devices", index, "capabilities", at, "effect"),
             hint="write irreversible where nothing brings back what was there, else actuate; or name what it reads, "
             "with a verb such as read, get, list, measure",
@@ -366,7 +367,7 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, at, _device, capability in capabilities(value):
         if member := is_pipe(capability):
-            summary = f"the {member} of the capability {shown(capability['name'])} offers a raw pipe to the device"
+            summary = f"the {member} of the capability {display(capability['name'])} offers a raw pipe to the device"
             where = pointer("devices", index, "capabilities", at, member)
             hint = "name what the device does, with typed parameters; a device with no such thing is unknown"
             out.append(error("IDENTIFY-PASSTHROUGH", summary, pointer=where, hint=hint))

@@ -11,7 +11,7 @@ import re
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, error, warning
@@ -28,13 +28,13 @@ def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
     return (found, " ".join(found.split())) if found is not None else ()
 
 
-def stands_in(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+def is_quoted(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
     """True for a piece, letter by letter, of what PROBE recorded of a device or of what a person said of it."""
     sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
     return any(quote in text for text in sources) and len(re.findall(r"\w", quote)) >= 2
 
 
-def stands_whole(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
+def is_whole_quote(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
     """True for a quote that neither begins nor ends inside of a word of Latin letters; the longest may be cut."""
     if len(quote) >= MAX_QUOTE:
         return True
@@ -49,7 +49,7 @@ def answer_invented(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-ANSWER-INVENTED",
-            f"{shown(device['id'])} was identified by an answer that no one gave",
+            f"{display(device['id'])} was identified by an answer that no one gave",
             pointer=pointer("devices", index, "method"),
             hint="name the method that decided, or leave the device unknown",
         )
@@ -63,8 +63,8 @@ def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-ANSWER-IGNORED",
-            f"{shown(device['id'])} is unknown although a person answered what it is: "
-            f"{shown(artifacts.answers[device['id']])}",
+            f"{display(device['id'])} is unknown although a person answered what it is: "
+            f"{display(artifacts.answers[device['id']])}",
             pointer=pointer("devices", index, "category"),
             hint=f"name it from the answer with method {METHOD}, or leave it out with the reason that the answer gives",
         )
@@ -79,7 +79,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-PROFILE-IGNORED",
-            f"{shown(device['id'])} has capabilities, not the profile {shown(held[device['id']])} that matches it",
+            f"{display(device['id'])} has capabilities, not the profile {display(held[device['id']])} that matches it",
             pointer=pointer("devices", index),
             hint="name it in `profile` and keep to it, or leave the device unknown; an answer stays in `evidence`",
         )
@@ -94,7 +94,7 @@ def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-MANY-QUESTIONS",
-            f"{len(_ASKS.findall(device['missing']))} questions are asked about {shown(device['id'])}",
+            f"{len(_ASKS.findall(device['missing']))} questions are asked about {display(device['id'])}",
             pointer=pointer("devices", index, "missing"),
             hint="ask the one question whose answer settles what the device is",
         )
@@ -109,7 +109,7 @@ def line_left_out(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         warning(
             "IDENTIFY-LINE-LEFT-OUT",
-            f"{shown(item['id'])} has a serial line and is skipped, so no one is asked what is connected to it",
+            f"{display(item['id'])} has a serial line and is skipped, so no one is asked what is connected to it",
             pointer=pointer("left_out", index),
             hint="add it to devices as unknown, with the one question that would settle it",
         )

@@ -8,13 +8,13 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import KINDS, WAYS
-from octoform.contracts.device_kinds import shown as ways_of
+from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import destroys, is_class_word, kind_of, says_nothing, tokens
-from octoform.contracts.name_words import has_digit, is_proper, missing, parts, said, words
+from octoform.contracts.name_clues import destroys, is_class_word, is_filler, kind_of, tokens
+from octoform.contracts.name_words import has_digit, is_proper, missing, parts, word_set, words
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
@@ -48,7 +48,7 @@ def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
             unsaid = [each for each in _NUMBER.findall(fact) if each not in own]
             if unsaid and not _BY_DEFINITION.search(fact):
                 summary = (
-                    f"{shown(name)} of {shown(capability['name'])} has {listed(unsaid)}, which PROBE shows nowhere"
+                    f"{display(name)} of {display(capability['name'])} has {listed(unsaid)}, which PROBE shows nowhere"
                 )
                 where = pointer("devices", index, "capabilities", at, "parameters", name)
                 hint = 'write "asked at every call" where the device can be asked; else leave the fact out'
@@ -78,7 +78,7 @@ def category_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         right = _right_category(device, ways)
         if right is not None:
             shows = f"PROBE shows {listed(sorted(ways))} of it"
-            summary = f"{shown(device['id'])} is of the category {device['category']}, and {shows}"
+            summary = f"{display(device['id'])} is of the category {device['category']}, and {shows}"
             hint = f"write {right}; a capability that acts or reads has to be there for another one"
             out.append(
                 error("IDENTIFY-CATEGORY-FALSE", summary, pointer=pointer("devices", index, "category"), hint=hint)
@@ -111,8 +111,10 @@ def description_copied(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
         )
         apart = bool(ways and theirs) and ways.isdisjoint(theirs) and capability["name"] != its["name"]
         if apart and len(text.split()) >= _LEAST_WORDS:
-            summary = f"{shown(capability['name'])} of {shown(device['id'])} is described as {shown(its['name'])} of "
-            summary += f"{shown(other['id'])} is"
+            summary = (
+                f"{display(capability['name'])} of {display(device['id'])} is described as {display(its['name'])} of "
+            )
+            summary += f"{display(other['id'])} is"
             where = pointer("devices", index, "capabilities", at, "description")
             hint = "describe what this capability does with this device, by what PROBE shows of it"
             out.append(error("IDENTIFY-DESCRIPTION-COPIED", summary, pointer=where, hint=hint))
@@ -136,15 +138,15 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         entry, kind = probed.get(device["id"]), kind_of(str(device.get("class", "")).casefold())
         if entry is None or kind is None or device["category"] == "unknown" or known_by_a_person(device, artifacts):
             continue
-        found = said(
+        found = word_set(
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
         )
-        found |= said([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
+        found |= word_set([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
         found |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
         ways = ways_of(entry)
         if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], found | parts(found)):
             summary = (
-                f"{shown(device['id'])} is of the class {shown(kind)}, and PROBE shows {listed(sorted(ways))} of it"
+                f"{display(device['id'])} is of the class {display(kind)}, and PROBE shows {listed(sorted(ways))} of it"
             )
             where = pointer("devices", index, "class")
             hint = "write the kind of thing that its class or its own words name"
@@ -166,9 +168,9 @@ def way_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if known_by_a_person(device, artifacts) or not ways:
             continue
         if wrong or (pictured and ways.isdisjoint(WAYS["picture"])):
-            what = shown(wrong[0]) if wrong else "a picture"
+            what = display(wrong[0]) if wrong else "a picture"
             summary = (
-                f"no class that PROBE shows of {shown(device['id'])} leads to {what}; it has {listed(sorted(ways))}"
+                f"no class that PROBE shows of {display(device['id'])} leads to {what}; it has {listed(sorted(ways))}"
             )
             hint = "name the way that its class has, and describe what comes back by it"
             out.append(error("IDENTIFY-WAY-FALSE", summary, pointer=where, hint=hint))
@@ -180,7 +182,8 @@ def destruction_understated(value: JsonObject, _: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-NOT-REVERSIBLE",
-            f"{shown(capability['name'])} is declared actuate, and nothing brings back what {shown(verb)} takes away",
+            f"{display(capability['name'])} is declared actuate, "
+            f"and nothing brings back what {display(verb)} takes away",
             pointer=pointer("devices", index, "capabilities", at, "effect"),
             hint="write irreversible, or name what a second call can undo",
         )
@@ -198,13 +201,11 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
         if entry is None or device["category"] != "unknown":
             continue
         name = device["identified_as"]
-        own = said(
+        own = word_set(
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
         )
         own |= parts(own)
-        telling = [
-            word for word in words(name) if not (says_nothing(word.casefold()) or is_class_word(word.casefold()))
-        ]
+        telling = [word for word in words(name) if not (is_filler(word.casefold()) or is_class_word(word.casefold()))]
         proper = [
             word
             for word in telling
@@ -214,7 +215,7 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
         unsaid = [word for word in missing(proper, own) if word.isascii() and word.casefold() not in spelt]
         unsaid = [word for word in unsaid if word.casefold() not in _ASIDE]
         if unsaid and all(text.isascii() for text in (str(entry["name"]), str(entry["raw_descriptor"]))):
-            summary = f"{shown(device['id'])} is unknown, and is called {listed(unsaid)}, which is in no string of it"
+            summary = f"{display(device['id'])} is unknown, and is called {listed(unsaid)}, which is in no string of it"
             where = pointer("devices", index, "identified_as")
             hint = "call it by its own strings, or by its kind of wiring; what it might be belongs into no artifact"
             out.append(error("IDENTIFY-UNKNOWN-NAMED", summary, pointer=where, hint=hint))

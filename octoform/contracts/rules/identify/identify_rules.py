@@ -6,12 +6,12 @@ unknown, visibly, with the sentence that would settle it.
 
 import re
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import is_chip_name, same_action, says_nothing, tokens
-from octoform.contracts.name_words import has_digit, said, words
+from octoform.contracts.name_clues import is_chip_name, is_filler, same_action, tokens
+from octoform.contracts.name_words import has_digit, word_set, words
 from octoform.contracts.rules import raw_line_rules, stop_rules
 from octoform.contracts.rules.identify import annotation_rules, answer_rules, fact_rules, name_rules, prose_rules
 from octoform.contracts.rules.identify.annotation_rules import capabilities
@@ -41,7 +41,7 @@ def invented_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             if item["id"] not in known:
                 guess = did_you_mean(item["id"], list(known)[:2000])
                 hint = f"did you mean {guess}?" if guess else "name only devices that PROBE lists"
-                summary = f"{shown(item['id'])} is not a device of PROBE"
+                summary = f"{display(item['id'])} is not a device of PROBE"
                 where = pointer(member, index, "id")
                 out.append(error("IDENTIFY-INVENTED-DEVICE", summary, pointer=where, hint=hint))
     return out
@@ -56,7 +56,7 @@ def duplicate_device(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             where = pointer(member, index, "id")
             before = first.setdefault(item["id"], where)
             if before != where:
-                summary = f"{shown(item['id'])} is at {before} already"
+                summary = f"{display(item['id'])} is at {before} already"
                 hint = "put a device into devices or into left_out: into one of the two, once"
                 out.append(error("IDENTIFY-DUPLICATE-DEVICE", summary, pointer=where, hint=hint))
     return out
@@ -81,13 +81,13 @@ def quote_not_verbatim(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
         source = known.get(device["id"])
         for at, evidence in enumerate(device["evidence"] if source else ()):
             quote = evidence["quote"]
-            if source is None or answer_rules.stands_in(quote, source, artifacts):
-                if source is None or answer_rules.stands_whole(quote, source, artifacts):
+            if source is None or answer_rules.is_quoted(quote, source, artifacts):
+                if source is None or answer_rules.is_whole_quote(quote, source, artifacts):
                     continue
-                summary = f"the quote {shown(quote)} begins or ends inside of a word of {shown(device['id'])}"
+                summary = f"the quote {display(quote)} begins or ends inside of a word of {display(device['id'])}"
                 hint = "quote whole words: a piece of a word names something else"
             else:
-                summary = f"the quote {shown(quote)} is not in PROBE's text of {shown(device['id'])}"
+                summary = f"the quote {display(quote)} is not in PROBE's text of {display(device['id'])}"
                 hint = (
                     "copy it letter by letter from that device's name or raw_descriptor; write what follows into `says`"
                 )
@@ -109,7 +109,7 @@ def chip_not_product(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
         if acts and (
             chip or (not raw_line_rules.known_by_a_person(device, artifacts) and _named_by_its_chip(device, entry))
         ):
-            summary = f"{shown(device['identified_as'])} names a bridge, not the product behind it"
+            summary = f"{display(device['identified_as'])} names a bridge, not the product behind it"
             hint = "name the product if the evidence shows it; otherwise the category is unknown, without capabilities"
             where = pointer("devices", index, "identified_as")
             out.append(error("IDENTIFY-CHIP-NOT-PRODUCT", summary, pointer=where, hint=hint))
@@ -121,7 +121,7 @@ def unknown_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-UNKNOWN-CAPABILITY",
-            f"{shown(device['id'])} is unknown and has {len(device['capabilities'])} capabilities",
+            f"{display(device['id'])} is unknown and has {len(device['capabilities'])} capabilities",
             pointer=pointer("devices", index, "capabilities"),
             hint="leave capabilities empty, or show by evidence what the device is",
         )
@@ -135,7 +135,7 @@ def unknown_confidence(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-UNKNOWN-CONFIDENCE",
-            f"{shown(device['id'])} is unknown with a confidence of {device['confidence']}",
+            f"{display(device['id'])} is unknown with a confidence of {device['confidence']}",
             pointer=pointer("devices", index, "confidence"),
             hint="write 0.0",
         )
@@ -149,7 +149,7 @@ def unknown_missing(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-UNKNOWN-MISSING",
-            f"{shown(device['id'])} is unknown, and `missing` has no question about it",
+            f"{display(device['id'])} is unknown, and `missing` has no question about it",
             pointer=pointer("devices", index),
             hint="write into `missing` the one sentence from a person that would settle it",
         )
@@ -164,7 +164,7 @@ def neighbour_promoted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return [
         error(
             "IDENTIFY-NEIGHBOUR-PROMOTED",
-            f"{shown(device['id'])} is a neighbour on a network or radio, not a device of this host",
+            f"{display(device['id'])} is a neighbour on a network or radio, not a device of this host",
             pointer=pointer("devices", index, "capabilities"),
             hint="leave it out with the reason network_neighbour",
         )
@@ -173,7 +173,7 @@ def neighbour_promoted(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     ] + [
         error(
             "IDENTIFY-NEIGHBOUR-PROMOTED",
-            f"{shown(capability['name'])} of {shown(device['id'])} searches what is merely near",
+            f"{display(capability['name'])} of {display(device['id'])} searches what is merely near",
             pointer=pointer("devices", index, "capabilities", at),
             hint="leave the capability out: whom a port of the network belongs to no one here knows",
         )
@@ -198,7 +198,7 @@ def no_via(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-NO-VIA",
-            f"the capability {shown(capability['name'])} does not name what it works through",
+            f"the capability {display(capability['name'])} does not name what it works through",
             pointer=pointer("devices", index, "capabilities", at, "via"),
             hint="name the library or the operating-system interface; without one the device is infrastructure",
         )
@@ -215,17 +215,17 @@ def profile_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
         where = pointer("devices", index, "profile")
         if name is None:
             if device["method"] == "profile":
-                summary = f"{shown(device['id'])} was identified by a profile that is not named"
+                summary = f"{display(device['id'])} was identified by a profile that is not named"
                 out.append(error("IDENTIFY-PROFILE-EVIDENCE", summary, pointer=pointer("devices", index)))
             continue
         facts = artifacts.profiles.get(name)
         if facts is None:
-            summary = f"there is no profile {shown(name)}"
+            summary = f"there is no profile {display(name)}"
             guess = did_you_mean(name, list(artifacts.profiles))
             known = f"the manifest has {listed(sorted(artifacts.profiles))}" if artifacts.profiles else "it has none"
             hint = f"did you mean {guess}?" if guess else f"name a profile of the manifest, or none; {known}"
         elif device["id"] not in facts.holds:
-            summary = f"the match rule of {shown(name)} does not match {shown(device['id'])}"
+            summary = f"the match rule of {display(name)} does not match {display(device['id'])}"
             hint = "identify the device without the profile, or leave it unknown"
         else:
             continue
@@ -238,7 +238,7 @@ def infrastructure_actuates(value: JsonObject, _: Artifacts) -> list[Diagnostic]
     return [
         error(
             "IDENTIFY-INFRASTRUCTURE-ACTUATES",
-            f"{shown(device['id'])} is infrastructure, and {shown(capability['name'])} is no read",
+            f"{display(device['id'])} is infrastructure, and {display(capability['name'])} is no read",
             pointer=pointer("devices", index, "capabilities", at, "effect"),
             hint="drop the capability, or give the device the category that it really has",
         )
@@ -256,8 +256,8 @@ def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         key = frozenset({name}) if "profile" in device else same_action(name)
         before = seen.setdefault((index, key), "")
         if before:
-            summary = f"{shown(device['id'])} has the capability {shown(name)} twice"
-            summary += f", as {shown(before)}" if before != name else ""
+            summary = f"{display(device['id'])} has the capability {display(name)} twice"
+            summary += f", as {display(before)}" if before != name else ""
             where = pointer("devices", index, "capabilities", at, "name")
             hint = "merge the two, or name them apart"
             out.append(error("IDENTIFY-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
@@ -272,7 +272,7 @@ def effect_conflict(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, at, device, capability in capabilities(value):
         effect, owner = first.setdefault(capability["name"], (capability["effect"], device["id"]))
         if effect != capability["effect"]:
-            summary = f"{shown(capability['name'])} is {capability['effect']} here and {effect} on {shown(owner)}"
+            summary = f"{display(capability['name'])} is {capability['effect']} here and {effect} on {display(owner)}"
             where = pointer("devices", index, "capabilities", at, "effect")
             hint = "give capabilities with different effects different names"
             out.append(error("IDENTIFY-EFFECT-CONFLICT", summary, pointer=where, hint=hint))
@@ -338,14 +338,12 @@ def _named_by_its_chip(device: JsonObject, entry: JsonObject) -> bool:
     raw = str(entry.get("raw_descriptor", ""))
     wires = [text for key, text in _STRINGS.findall(raw) if key != "manufacturer" and is_chip_name(text, raw)]
     others = [text for _, text in _STRINGS.findall(raw) if text not in wires]
-    chips = said([*entry.get("drivers", ()), *wires]) - said(others)
+    chips = word_set([*entry.get("drivers", ()), *wires]) - word_set(others)
     name = device["identified_as"]
     named = {word.casefold() for word in words(name)}
     # "I2C" is said in two words, of which neither is a chip.
-    wiring = {
-        part.casefold() for word in _UNBROKEN.findall(name) if says_nothing(word.casefold()) for part in words(word)
-    }
-    return any(has_digit(word) and word in chips and not says_nothing(word) for word in named - wiring)
+    wiring = {part.casefold() for word in _UNBROKEN.findall(name) if is_filler(word.casefold()) for part in words(word)}
+    return any(has_digit(word) and word in chips and not is_filler(word) for word in named - wiring)
 
 
 def _probed(artifacts: Artifacts) -> dict[str, JsonObject]:

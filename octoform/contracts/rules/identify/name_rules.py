@@ -10,15 +10,15 @@ stated by the device. What an id database reports is looked up in those of the h
 import re
 from collections.abc import Iterable
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import KINDS, RAW, speaks_bytes
-from octoform.contracts.device_kinds import shown as ways_of
+from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import is_class_word, kind_of, says_nothing
-from octoform.contracts.name_words import has_digit, is_proper, missing, parts, said, says_language, words
+from octoform.contracts.name_clues import is_class_word, is_filler, kind_of
+from octoform.contracts.name_words import has_digit, is_proper, missing, names_language, parts, word_set, words
 from octoform.contracts.rules.identify import answer_rules
-from octoform.contracts.rules.identify.answer_rules import stands_in
+from octoform.contracts.rules.identify.answer_rules import is_quoted
 from octoform.contracts.rules.identify.prose_rules import is_foreign
 from octoform.diagnostics import Diagnostic, error
 
@@ -69,11 +69,11 @@ def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagn
         entry = _entry(device, artifacts)
         where = pointer("devices", index, "identified_as")
         if device["category"] in ACTING and _VAGUE.issuperset(map(str.casefold, words(device["identified_as"]))):
-            summary = f"the name {shown(device['identified_as'])} of {shown(device['id'])} names no kind of thing"
+            summary = f"the name {display(device['identified_as'])} of {display(device['id'])} names no kind of thing"
             hint = "name what the strings name, or the kind of thing that its class shows"
             out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
         elif unsaid := _unsupported(device, probed, entry, artifacts):
-            summary = f"nothing that is cited for {shown(device['id'])} has {', '.join(map(shown, unsaid))}"
+            summary = f"nothing that is cited for {display(device['id'])} has {', '.join(map(display, unsaid))}"
             hint = _hint(device["method"], entry, [word for word in unsaid if kind_of(word.casefold())])
             out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
     return out
@@ -86,15 +86,19 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         entry = _entry(device, artifacts)
         if entry is None or _unsupported(device, probed, entry, artifacts):
             continue  # nobody looked, or the name itself is the finding
-        known = said([entry, *_texts(probed)])
+        known = word_set([entry, *_texts(probed)])
         for at, evidence in enumerate(device["evidence"]):
             text = evidence.get("says", "")
             source = _SOURCE.search(text)
             named = words(text[source.end() :]) if source else []
-            unsaid = [word for word in missing(named, known) if _tells(word.casefold()) and is_proper(word, text)]
+            unsaid = [
+                word for word in missing(named, known) if _is_distinctive(word.casefold()) and is_proper(word, text)
+            ]
             if unsaid:
-                summary = f"no id database of this host has {', '.join(map(shown, unsaid))} for {shown(device['id'])}"
-                message = f"it has {shown(entry)}" if entry else "it does not know these numbers"
+                summary = (
+                    f"no id database of this host has {', '.join(map(display, unsaid))} for {display(device['id'])}"
+                )
+                message = f"it has {display(entry)}" if entry else "it does not know these numbers"
                 where = pointer("devices", index, "evidence", at, "says")
                 hint = (
                     f"{message}; write what follows from the quote, and name a database only for the words of its entry"
@@ -118,7 +122,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
         if unsaid := _guessed(device, known, _entry(device, artifacts)):
-            summary = f"no string of {shown(device['id'])} has {', '.join(map(shown, unsaid))}: that is a guess"
+            summary = f"no string of {display(device['id'])} has {', '.join(map(display, unsaid))}: that is a guess"
             hint = "write category unknown, confidence 0.0, no capabilities, and ask in `missing` what would settle it"
             hint += "; where the strings have it in another language, name the language in `says`"
             where = pointer("devices", index, "identified_as")
@@ -129,14 +133,16 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
     """The words of a name that neither the device reports nor a class bears out; of a line nothing follows, either."""
     lines = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
-    own = said([*_texts(probed), entry or "", *(text for text in lines if _SOURCE.search(text))])
+    own = word_set([*_texts(probed), entry or "", *(text for text in lines if _SOURCE.search(text))])
     own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
-    follows = own if "tty" in probed.get("classes", ()) else own | said(e.get("says", "") for e in device["evidence"])
+    follows = (
+        own if "tty" in probed.get("classes", ()) else own | word_set(e.get("says", "") for e in device["evidence"])
+    )
     ways, spelt = ways_of(probed), words(device["identified_as"])
     kinds = [word for word in spelt if kind_of(word.casefold())]
     moving = [word for word in kinds if not KINDS[kind_of(word.casefold()) or ""]]
     others = [word for word in kinds if word not in moving and ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""])]
-    telling = [word for word in spelt if _tells(word.casefold())]
+    telling = [word for word in spelt if _is_distinctive(word.casefold())]
     proper = [word for word in telling if is_proper(word, device["identified_as"])]
     foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
     unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
@@ -158,7 +164,7 @@ def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, Json
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     for index, device in enumerate(value["devices"]):
         known = probed.get(device["id"], {})
-        verbatim = all(stands_in(evidence["quote"], known, artifacts) for evidence in device["evidence"] if known)
+        verbatim = all(is_quoted(evidence["quote"], known, artifacts) for evidence in device["evidence"] if known)
         is_known = device["method"] != "profile" and (device["method"] != _ANSWER or device["id"] in artifacts.answers)
         foreign = is_foreign(device["identified_as"], device["id"], artifacts)
         if device["confidence"] >= CLAIMED and is_known and verbatim and not foreign:
@@ -184,12 +190,12 @@ def _unsupported(device: JsonObject, probed: JsonObject, entry: str | None, arti
     """The words of the name, as they are spelt there, that nothing bears out."""
     name = device["identified_as"]
     spelt = words(name)
-    telling = [word for word in spelt if _tells(word.casefold())]
-    quoted = said(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed)
-    answer = said([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)])
+    telling = [word for word in spelt if _is_distinctive(word.casefold())]
+    quoted = word_set(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed)
+    answer = word_set([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)])
     bare = _of_class(spelt, quoted, probed) if not telling and device["method"] != _ANSWER else []
-    untold = [] if bare else _kinds(name, device, probed, quoted | answer | said([entry or ""]))
-    unsaid = {*_untold(device, probed, entry, telling, quoted | answer), *untold, *bare}
+    untold = [] if bare else _kinds(name, device, probed, quoted | answer | word_set([entry or ""]))
+    unsaid = {*_unnamed(device, probed, entry, telling, quoted | answer), *untold, *bare}
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
 
 
@@ -203,7 +209,7 @@ def _of_class(spelt: list[str], quoted: frozenset[str], probed: JsonObject) -> l
 def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[str]) -> list[str]:
     """The words for a kind of thing that neither a class of the kernel bears out nor anything that is stated."""
     head = words(_HEAD.split(name.strip(), maxsplit=1)[0] or name)
-    own = cited | said(_texts(probed)) | _translated(device)
+    own = cited | word_set(_texts(probed)) | _translated(device)
     own |= {"motor"} if {"stepper", "servo"} & own else set()
     ways, found = ways_of(probed), _INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
     return [
@@ -213,27 +219,27 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
     ]
 
 
-def _untold(
-    device: JsonObject, probed: JsonObject, entry: str | None, telling: list[str], quoted: frozenset[str]
+def _unnamed(
+    device: JsonObject, probed: JsonObject, entry: str | None, words_given: list[str], quoted: frozenset[str]
 ) -> list[str]:
     """Of the words that tell one product from another, those that nothing states."""
-    spoken = said(evidence.get("says", "") for evidence in device["evidence"])
+    spoken = word_set(evidence.get("says", "") for evidence in device["evidence"])
     if device["method"] == _DATABASE:
         models = _models(words(entry or ""))
-        whole = not _SEVERAL.search(entry or "") or not missing(models, said([device["identified_as"]]))
-        unsaid = missing(telling, quoted | (spoken if entry is None else said([entry])))
+        whole = not _SEVERAL.search(entry or "") or not missing(models, word_set([device["identified_as"]]))
+        unsaid = missing(words_given, quoted | (spoken if entry is None else word_set([entry])))
         # An entry may stand for several products: what names one of them alone needs a string of the device.
-        return unsaid or ([] if whole else missing(_models(telling), quoted))
+        return unsaid or ([] if whole else missing(_models(words_given), quoted))
     if device["method"] == _WEB:
         says = " ".join(evidence.get("says", "") for evidence in device["evidence"])
         linked = any(len(word) > 3 and word in spoken for word in quoted if not is_class_word(word))
-        return missing(telling, quoted | spoken if linked and PAGE.search(says) else quoted)
-    own = frozenset(word for word in said(_texts(probed)) if word[0].isalpha())  # an id's digits are in no name
-    profile = said([str(device.get("profile", ""))])
-    unsaid, unshown = missing(telling, quoted | spoken | own), missing(telling, quoted | own)
+        return missing(words_given, quoted | spoken if linked and PAGE.search(says) else quoted)
+    own = frozenset(word for word in word_set(_texts(probed)) if word[0].isalpha())  # an id's digits are in no name
+    profile = word_set([str(device.get("profile", ""))])
+    unsaid, unshown = missing(words_given, quoted | spoken | own), missing(words_given, quoted | own)
     return [
         word
-        for word in missing(telling, quoted | _translated(device) | profile)
+        for word in missing(words_given, quoted | _translated(device) | profile)
         if word in unsaid or (has_digit(word) and word in unshown) or is_proper(word, device["identified_as"])
     ]
 
@@ -241,7 +247,7 @@ def _untold(
 def _translated(device: JsonObject) -> frozenset[str]:
     """The words of what is stated about a language or a meaning; a number is no translation."""
     lines = [evidence.get("says", "") for evidence in device["evidence"]]
-    return frozenset(word for word in said(text for text in lines if says_language(text)) if not has_digit(word))
+    return frozenset(word for word in word_set(text for text in lines if names_language(text)) if not has_digit(word))
 
 
 def _speaks(probed: JsonObject) -> bool:
@@ -253,20 +259,24 @@ def _speaks(probed: JsonObject) -> bool:
 def _meanings(device: JsonObject) -> frozenset[str]:
     """The translations of quotes that hold a word to translate: no word of wiring or class, no part's number."""
     quotes = [(evidence, words(_KEY.sub("", evidence["quote"]))) for evidence in device["evidence"]]
-    kept = [each for each, spelt in quotes if any(_tells(word.casefold()) and not has_digit(word) for word in spelt)]
+    kept = [
+        each
+        for each, spelt in quotes
+        if any(_is_distinctive(word.casefold()) and not has_digit(word) for word in spelt)
+    ]
     return _translated({"evidence": kept})
 
 
 def _codes(probed: JsonObject) -> frozenset[str]:
     """The numbers that are nowhere of a device but in lines of its registered numbers."""
     raw = str(probed.get("raw_descriptor", ""))
-    elsewhere = said([_CODES.sub("", raw)])
-    return frozenset(word for word in said(_CODES.findall(raw)) if has_digit(word) and word not in elsewhere)
+    elsewhere = word_set([_CODES.sub("", raw)])
+    return frozenset(word for word in word_set(_CODES.findall(raw)) if has_digit(word) and word not in elsewhere)
 
 
-def _tells(word: str) -> bool:
+def _is_distinctive(word: str) -> bool:
     """False for what could be in any name, and for what states the kind of thing; a number tells models apart."""
-    return word.isdigit() or not (word in _GRAMMAR or says_nothing(word) or is_class_word(word))
+    return word.isdigit() or not (word in _GRAMMAR or is_filler(word) or is_class_word(word))
 
 
 def _models(of: Iterable[str]) -> list[str]:
@@ -278,15 +288,15 @@ def _own_words(probed: JsonObject, entry: str | None) -> str | None:
     """What would bear out a name: the device's own lines, and what the host's database reports of its numbers."""
     lines = str(probed.get("raw_descriptor", "")).splitlines()
     items = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
-    items = [f"PROBE has {shown(line)}" for line in items[:4]]
-    return "\n".join([*items, *([f"the host's id database has {shown(entry)}"] if entry else [])]) or None
+    items = [f"PROBE has {display(line)}" for line in items[:4]]
+    return "\n".join([*items, *([f"the host's id database has {display(entry)}"] if entry else [])]) or None
 
 
 def _hint(method: str, entry: str | None, kinds: list[str]) -> str:
     if kinds:
         ways = sorted({way for word in kinds for way in KINDS[kind_of(word.casefold()) or ""]})
         leads = f"a class such as {', '.join(ways[:3])}" if ways else "a string of the device, or its owner's word"
-        return f"{', '.join(map(shown, kinds))} would follow from {leads}; leave it out, or the device is unknown"
+        return f"{', '.join(map(display, kinds))} would follow from {leads}; leave it out, or the device is unknown"
     if method == _DATABASE and entry == "":
         return "no id database of this host knows these numbers: quote what names it, or lower the confidence below 0.5"
     if method == _DATABASE:

@@ -10,7 +10,7 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
@@ -61,7 +61,7 @@ def orders(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if found and not _is_quoted(found[0], device, artifacts):
             cure = _CURES.get(member, "describe it")
             hint = f"{cure}; the stages' rules and the owner's policy define what others may do"
-            summary = f"{shown(text)} gives orders: {shown(found[0])}"
+            summary = f"{display(text)} gives orders: {display(found[0])}"
             out.append(error("IDENTIFY-ORDERS-IN-TEXT", summary, pointer=pointer(*where), hint=hint))
     return out
 
@@ -72,7 +72,7 @@ def places(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for device, _, where, text in _texts(value):
         for found in _PLACES.finditer(text):
             if not _is_quoted(found[0], device, artifacts):
-                summary = f"{shown(text)} names a place of this host: {shown(found[0])}"
+                summary = f"{display(text)} names a place of this host: {display(found[0])}"
                 out.append(error("IDENTIFY-PLACE-IN-TEXT", summary, pointer=pointer(*where), hint=_PLACE_HINT))
                 break
     return [*out, *_addresses(value, artifacts)]
@@ -83,7 +83,7 @@ def _addresses(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "IDENTIFY-PLACE-IN-TEXT",
-            f"the parameter {shown(name)} of {shown(capability['name'])} is an address: {shown(item)}",
+            f"the parameter {display(name)} of {display(capability['name'])} is an address: {display(item)}",
             pointer=pointer("devices", index, "capabilities", at, "parameters"),
             hint=_PLACE_HINT,
         )

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
@@ -60,7 +60,7 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             lacks = [first for first, other in _SIDES if not any(_bounds(member.get(side)) for side in (first, other))]
             if _is_number(member) and lacks:
                 summary = (
-                    f"{shown(name)} of {shown(tool['name'])} reaches what acts and has no {' and no '.join(lacks)}"
+                    f"{display(name)} of {display(tool['name'])} reaches what acts and has no {' and no '.join(lacks)}"
                 )
                 hint = "write both into the schema: the range of the device, its profile's, or one that is safe for any"
                 out.append(error("INTERFACE-NUMBER-UNBOUNDED", summary, pointer=where, hint=hint))
@@ -86,7 +86,7 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 why = f"reaches {beyond[0]:g} {unit}, which nothing does"
             else:
                 continue
-            summary = f"{shown(name)} of {shown(tool['name'])} {why}"
+            summary = f"{display(name)} of {display(tool['name'])} {why}"
             out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
     return out
 
@@ -101,7 +101,7 @@ def endless(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             lacks += ["maxLength"] if "string" in kinds and free and "maxLength" not in member else []
             # What takes anything is another rule's finding.
             if lacks and name != "device" and not (raw_parameter(tool["input_schema"]) or _place(tool)):
-                summary = f"{shown(name)} of {shown(tool['name'])} may be of any length: there is no {lacks[0]}"
+                summary = f"{display(name)} of {display(tool['name'])} may be of any length: there is no {lacks[0]}"
                 hint = f"write {lacks[0]} into the schema: what the device takes at once, or what is safe for any"
                 out.append(error("INTERFACE-ENDLESS", summary, pointer=where, hint=hint))
     return out
@@ -118,7 +118,7 @@ def limit_in_another_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         for at, limit in enumerate(tool.get("limits", ())):
             given, own = unit_of_text(limit.get("unit")), units.get(limit["parameter"])
             if given is not None and own is not None and given != own:
-                summary = f"the limit of {shown(limit['parameter'])} is in {given}, and the parameter is in {own}"
+                summary = f"the limit of {display(limit['parameter'])} is in {given}, and the parameter is in {own}"
                 where = pointer("tools", index, "limits", at, "unit")
                 hint = "give both in one unit, and convert the bounds"
                 out.append(error("INTERFACE-LIMIT-UNIT", summary, pointer=where, hint=hint))
@@ -151,25 +151,25 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
             continue
         bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "permanently"
-        summary = f"{shown(name)} of {shown(tool['name'])} lets a call last {bound}"
+        summary = f"{display(name)} of {display(tool['name'])} lets a call last {bound}"
         hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
         out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
     for index, tool in enumerate(value["tools"]):
         series = _series(index, tool)
         if series is not None and series[1] > LONGEST_WAIT:
-            summary = f"{shown(series[0])} of {shown(tool['name'])} lets a series last {series[1]:g} s"
+            summary = f"{display(series[0])} of {display(tool['name'])} lets a series last {series[1]:g} s"
             hint = f"write maxima whose product is at most {LONGEST_WAIT:g} s: of the readings and of the pause"
             out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=series[2], hint=hint))
     return out
 
 
-def trial_too_long(value: JsonObject) -> list[Diagnostic]:
+def sample_too_long(value: JsonObject) -> list[Diagnostic]:
     """The test call of a reading, which is really made, waits and records as briefly as it may."""
     out = []
     for tool, name, where, member, unit in _waits(value):
         given = tool.get("smoke", {}).get("arguments", {}).get(name, member.get("default"))
         if tool["effect"] == "read" and _is_plain(given) and given * unit > LONGEST_TRIAL:
-            summary = f"the test call of {shown(tool['name'])} may last {given * unit:g} s by its {shown(name)}"
+            summary = f"the test call of {display(tool['name'])} may last {given * unit:g} s by its {display(name)}"
             hint = f"write into `smoke.arguments` the shortest one, at most {LONGEST_TRIAL / unit:g}"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint=hint))
     return out
@@ -193,7 +193,7 @@ def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return [
         error(
             "INTERFACE-EFFECT-UNDERSTATED",
-            f"{shown(tool['name'])} is declared read, and {shown(verb)} changes something",
+            f"{display(tool['name'])} is declared read, and {display(verb)} changes something",
             pointer=pointer("tools", index, "name"),
             hint="name what it reads, as its capability does",
         )
@@ -213,15 +213,15 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
         ]
         if is_passthrough(tool["name"]):
-            summary, where = f"the tool {shown(tool['name'])} is a raw pipe", pointer("tools", index, "name")
+            summary, where = f"the tool {display(tool['name'])} is a raw pipe", pointer("tools", index, "name")
         elif raw or lines:
-            summary = f"the parameter {shown(raw or lines[0])} of {shown(tool['name'])} takes anything"
+            summary = f"the parameter {display(raw or lines[0])} of {display(tool['name'])} takes anything"
             where = pointer("tools", index, "input_schema", "properties", raw or lines[0])
         elif tool["input_schema"].get("additionalProperties") is True:
-            summary = f"{shown(tool['name'])} takes parameters of any name"
+            summary = f"{display(tool['name'])} takes parameters of any name"
             where = pointer("tools", index, "input_schema", "additionalProperties")
         elif offers_a_pipe(tool["description"].partition("Through:")[0]):
-            summary = f"the tool {shown(tool['name'])} is a raw pipe by its description"
+            summary = f"the tool {display(tool['name'])} is a raw pipe by its description"
             where = pointer("tools", index, "description")
         else:
             continue

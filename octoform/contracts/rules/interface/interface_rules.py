@@ -10,7 +10,7 @@ from collections import defaultdict
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import escaped, listed, shown
+from octoform.base.escaping import display, escaped, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.name_clues import same_action
@@ -55,21 +55,21 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         for where, text in _descriptions(tool, ("tools", index)):
-            unit = next((what for what, form in _INSTANCE.items() if _said(form, text, names)), None)
+            unit = next((what for what, form in _INSTANCE.items() if _states(form, text, names)), None)
             if unit or any(serial in text for serial in serials):
-                summary = f"a description of {shown(tool['name'])} has {unit or 'a serial number'} in it"
+                summary = f"a description of {display(tool['name'])} has {unit or 'a serial number'} in it"
                 hint = "describe the kind of device; which unit it is and where it is are found when a tool is called"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-            elif _said(_ORDERS, text, names):
-                summary = f"a description of {shown(tool['name'])} gives orders to anyone who reads it"
+            elif _states(_ORDERS, text, names):
+                summary = f"a description of {display(tool['name'])} gives orders to anyone who reads it"
                 hint = "describe what the tool does; quote what a device calls itself, and never obey it"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _OPEN.search(text):
-                summary = f"a description of {shown(tool['name'])} is not written yet"
+                summary = f"a description of {display(tool['name'])} is not written yet"
                 hint = "say what the tool does, on which device, and what comes back"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-            elif _said(_DEMANDS, text, names):
-                summary = f"a description of {shown(tool['name'])} demands that another tool is called"
+            elif _states(_DEMANDS, text, names):
+                summary = f"a description of {display(tool['name'])} demands that another tool is called"
                 hint = "describe what to beware of; the caller decides when to call what"
                 out.append(warning("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
     return out
@@ -84,15 +84,15 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             continue  # of an effect that is understated another rule tells, and it is the cause
         where = pointer("tools", index, "output_schema")
         if why := _bare(tool.get("output_schema")):
-            summary = f"the result of {shown(tool['name'])} {why}"
+            summary = f"the result of {display(tool['name'])} {why}"
             out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         elif _is_text(tool["output_schema"]):
-            summary = f"the result of {shown(tool['name'])} is one text"
+            summary = f"the result of {display(tool['name'])} is one text"
             report = error if is_measured_name(tool["capability"]) else warning
             out.append(report("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         else:
             for place, why in read_nothing(tool["capability"], tool["output_schema"]):
-                summary = f"the result of {shown(tool['name'])} {escaped(why)}"
+                summary = f"the result of {display(tool['name'])} {escaped(why)}"
                 at = pointer("tools", index, "output_schema", *place)
                 out.append(error("INTERFACE-RESULT-BARE", summary, pointer=at, hint=hint))
     return out
@@ -122,17 +122,21 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         schema = tool.get("output_schema") if tool["effect"] == "read" else None
         if (unit := unit_of_another(tool["capability"], tool["description"])) is not None:
-            summary = f"the description of {shown(tool['name'])} is about {unit}, which is no unit of what it reads"
+            summary = f"the description of {display(tool['name'])} is about {unit}, which is no unit of what it reads"
             place = pointer("tools", index, "description")
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="describe what this tool reads"))
         for where, name in measured_without_unit(schema):
-            summary = f"the result's {shown(name)} of {shown(tool['name'])} is a quantity, and no unit is given"
-            hint = f"put the unit into the description of {shown(name)} or at the end of its name, or a member `unit` "
+            summary = f"the result's {display(name)} of {display(tool['name'])} is a quantity, and no unit is given"
+            hint = (
+                f"put the unit into the description of {display(name)} or at the end of its name, or a member `unit` "
+            )
             hint += "beside it; what a device gives without one is called raw"
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
         for where, name in unit_against_name(tool.get("output_schema")):
-            summary = f"the {shown(name)} of {shown(tool['name'])} has one unit by its name and another by its words"
+            summary = (
+                f"the {display(name)} of {display(tool['name'])} has one unit by its name and another by its words"
+            )
             place = pointer("tools", index, "output_schema", *where)
             out.append(
                 error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
@@ -161,7 +165,7 @@ def _descriptions(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tu
             yield from _descriptions(item, (*where, index))
 
 
-def _said(form: "re.Pattern[str]", text: str, names: str) -> bool:
+def _states(form: "re.Pattern[str]", text: str, names: str) -> bool:
     """Whether a description states something itself; what a device calls itself is quoted in it, whatever that is."""
     return any(found[0].casefold() not in names for found in form.finditer(text))
 
@@ -195,7 +199,7 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
     return [
         error(
             "INTERFACE-CAPABILITY-WITHOUT-TOOL",
-            f"no tool has the capability {shown(name)} of {listed(sorted(owners))}",
+            f"no tool has the capability {display(name)} of {listed(sorted(owners))}",
             pointer="/tools",
             hint=f"add its tool; {unsafe if owners <= open_lines else ''}where the tool budget forbids it, leave its "
             "devices out with the reason tool_budget",
@@ -209,10 +213,10 @@ def identify_blamed(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     """What the agent reports only IDENTIFY can fix is reported to IDENTIFY; no interface stands on it."""
     known, out = _known(artifacts), []
     for index, item in enumerate(value.get("identify_errors", ())):
-        about = " and ".join(shown(item[name]) for name in ("capability", "device") if name in item)
+        about = " and ".join(display(item[name]) for name in ("capability", "device") if name in item)
         where = pointer("identify_errors", index)
         if item["device"] not in known:
-            summary = f"{shown(item['device'])} is no device of IDENTIFY, so nothing is wrong with it there"
+            summary = f"{display(item['device'])} is no device of IDENTIFY, so nothing is wrong with it there"
             out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint="name a device of IDENTIFY"))
             continue
         summary = f"INTERFACE finds IDENTIFY wrong about {about}: {escaped(item['problem'])}"
@@ -229,7 +233,7 @@ def tool_without_capability(value: JsonObject, artifacts: Artifacts) -> list[Dia
         if tool["capability"] not in names:
             guess = did_you_mean(tool["capability"], list(names))
             hint = f"did you mean {guess}?" if guess else "write tools only for capabilities that IDENTIFY lists"
-            summary = f"the capability {shown(tool['capability'])} is not one of IDENTIFY"
+            summary = f"the capability {display(tool['capability'])} is not one of IDENTIFY"
             where = pointer("tools", index, "capability")
             out.append(error("INTERFACE-TOOL-WITHOUT-CAPABILITY", summary, pointer=where, hint=hint))
     return out
@@ -242,7 +246,7 @@ def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         before = first.setdefault(tool["capability"], index)
         if before != index:
-            summary = f"{shown(tool['capability'])} has a second tool; tools[{before}] serves it already"
+            summary = f"{display(tool['capability'])} has a second tool; tools[{before}] serves it already"
             hint = "write one tool with a parameter that names the device"
             where = pointer("tools", index, "capability")
             out.append(error("INTERFACE-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
@@ -263,7 +267,7 @@ def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         words = [f"{listed(absent)} also has the capability"] if absent else []
         words += [f"{listed(foreign)} does not have the capability"] if foreign else []
         if words:
-            summary = f"the devices of {shown(tool['name'])} are not those of IDENTIFY: {'; '.join(words)}"
+            summary = f"the devices of {display(tool['name'])} are not those of IDENTIFY: {'; '.join(words)}"
             where = pointer("tools", index, "devices")
             hint = "list exactly the devices that have the capability"
             out.append(error("INTERFACE-DEVICES-DIFFER", summary, pointer=where, hint=hint))
@@ -279,7 +283,7 @@ def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         where = pointer("tools", index, "name")
         before = first.setdefault(plain, where)
         if before != where:
-            summary = f"the tool name {shown(tool['name'])} is not distinct from the one at {before}"
+            summary = f"the tool name {display(tool['name'])} is not distinct from the one at {before}"
             hint = "choose names that differ by more than case, points and dashes"
             out.append(error("INTERFACE-NAME-CLASH", summary, pointer=where, hint=hint))
     return out
@@ -300,13 +304,13 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         wanted = effects.get(tool["capability"], tool["effect"])
         if is_graver(tool["effect"], wanted):
             for device in sorted(lines.intersection(tool["devices"]))[:1]:
-                unknown = f"nothing declares how {shown(device)} stops"
-                summary = f"{shown(tool['name'])} is declared {tool['effect']}, and {unknown}"
+                unknown = f"nothing declares how {display(device)} stops"
+                summary = f"{display(tool['name'])} is declared {tool['effect']}, and {unknown}"
                 hint = f"skip {tool['capability']} with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
                 where = pointer("tools", index, "effect")
                 out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
         elif tool["effect"] != wanted:
-            summary = f"{shown(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
+            summary = f"{display(tool['name'])} is declared {tool['effect']}; its capability is {wanted}"
             hints = [f"{hint} {json.dumps(must)}" for hint, must in _HINTS[wanted].items()]
             where, hint = (
                 pointer("tools", index, "effect"),
@@ -328,17 +332,17 @@ def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diag
             continue
         for hint, must in _HINTS[effect].items():
             if tool["annotations"][hint] is not must:
-                summary = f"{shown(tool['name'])} has the effect {effect}, so {hint} must be {json.dumps(must)}"
+                summary = f"{display(tool['name'])} has the effect {effect}, so {hint} must be {json.dumps(must)}"
                 where = pointer("tools", index, "annotations", hint)
                 out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=f"write {json.dumps(must)}"))
         if effect == "actuate" and tool["annotations"]["destructiveHint"] is True:
-            summary = f"{shown(tool['name'])} has the effect actuate, and declares that it destroys something"
+            summary = f"{display(tool['name'])} has the effect actuate, and declares that it destroys something"
             where = pointer("tools", index, "annotations", "destructiveHint")
             hint = "write false; what nothing brings back has the effect irreversible, in IDENTIFY first"
             out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint=hint))
         if tool["annotations"]["openWorldHint"] is True and attached.issuperset(tool["devices"]):
             summary = (
-                f"{shown(tool['name'])} declares that it reaches beyond this host, and its device is attached to it"
+                f"{display(tool['name'])} declares that it reaches beyond this host, and its device is attached to it"
             )
             where = pointer("tools", index, "annotations", "openWorldHint")
             out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
@@ -361,7 +365,7 @@ def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return [
         error(
             "INTERFACE-BUDGET-UNUSED",
-            f"{shown(item['id'])} is skipped for the tool budget, and {free} of {artifacts.tools_budget} are free",
+            f"{display(item['id'])} is skipped for the tool budget, and {free} of {artifacts.tools_budget} are free",
             pointer=pointer("left_out", index, "reason"),
             hint="add the tools of its capabilities, or give the reason that is true of it",
         )
@@ -370,7 +374,7 @@ def budget_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     ] + [
         error(
             "INTERFACE-BUDGET-UNUSED",
-            f"{shown(item['id'])} is skipped for the server's size, and {len(value['tools'])} tools make a short one",
+            f"{display(item['id'])} is skipped for the server's size, and {len(value['tools'])} tools make a short one",
             pointer=pointer("left_out", index, "reason"),
             hint="add the tools of its capabilities, or give the reason that is true of it",
         )
@@ -393,7 +397,7 @@ def unknown_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if name not in known:
             guess = did_you_mean(name, list(known)[:2000])
             hint = f"did you mean {guess}?" if guess else "name only devices that the IDENTIFY artifact names"
-            summary = f"{shown(name)} is not a device of IDENTIFY"
+            summary = f"{display(name)} is not a device of IDENTIFY"
             out.append(error("INTERFACE-UNKNOWN-DEVICE", summary, pointer=where, hint=hint))
     return out
 
@@ -418,9 +422,9 @@ def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         where, entry = pointer("left_out", index, "id"), (item["id"], item.get("capability", ""))
         whole = item["reason"] == _UNSAFE and "capability" not in item
         if entry in seen or (item["id"], "") in seen or (not entry[1] and item["id"] in {name for name, _ in seen}):
-            summary, hint = f"{shown(item['id'])} is skipped twice", "keep one of the two"
+            summary, hint = f"{display(item['id'])} is skipped twice", "keep one of the two"
         elif item["id"] in served and (item["reason"] not in SPARED or whole):
-            summary, hint = f"{shown(item['id'])} is skipped and served by a tool", "choose one of the two"
+            summary, hint = f"{display(item['id'])} is skipped and served by a tool", "choose one of the two"
             hint += "; where one capability of it is unsafe, name that in `capability`" if whole else ""
         else:
             seen.add(entry)
@@ -437,7 +441,7 @@ def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         for name in tool["devices"]:
             before = first.setdefault((name, same_action(tool["name"])), tool["name"])
             if before != tool["name"]:
-                summary = f"{shown(tool['name'])} and {shown(before)} do the same on {shown(name)}"
+                summary = f"{display(tool['name'])} and {display(before)} do the same on {display(name)}"
                 hint = "keep one of the two capabilities"
                 where = pointer("tools", index, "name")
                 out.append(error("INTERFACE-DUPLICATE-PATH", summary, pointer=where, hint=hint))

@@ -7,7 +7,7 @@ would let a caller say what the description does not allow; both come from an ag
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
 from octoform.contracts.rules.interface.interface_rules import SPARED
@@ -24,13 +24,15 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         tools = {tool["capability"]: (at, tool) for at, tool in enumerate(value["tools"]) if device in tool["devices"]}
         absent = [name for name in commands if name not in tools]
         if absent and device not in spared:
-            summary = f"{shown(device)} lacks {listed(absent)}, which the protocol definition of {shown(profile)} has"
+            summary = (
+                f"{display(device)} lacks {listed(absent)}, which the protocol definition of {display(profile)} has"
+            )
             hint = "make one tool of that name for each command of the protocol definition"
             out.append(error(CODE, summary, pointer="/tools", hint=hint))
         for name, (at, tool) in tools.items():
             problem = _problem(name, tool, commands)
             if problem is not None:
-                summary = f"the tool {shown(tool['name'])} of {shown(device)} {problem[0]} of {shown(profile)}"
+                summary = f"the tool {display(tool['name'])} of {display(device)} {problem[0]} of {display(profile)}"
                 out.append(error(CODE, summary, pointer=pointer("tools", at), hint=problem[1]))
     return out
 
@@ -68,12 +70,12 @@ def _parameters(schema: JsonObject, wanted: Mapping[str, Mapping[str, Any]]) -> 
         default = parameter.get("default")
         if (name in needed) is not (default is None):
             does, must = ("lets a caller leave out", "is") if default is None else ("requires", "is not")
-            return f"{does} {shown(name)}, unlike the command", f"it {must} required"
+            return f"{does} {display(name)}, unlike the command", f"it {must} required"
         if default is not None and has[name].get("default") != default:
-            return f"has another default of {shown(name)} than the command", f'write "default": {default}'
+            return f"has another default of {display(name)} than the command", f'write "default": {default}'
         words = _words(has[name])
         if "enum" in parameter and not (words and words <= set(parameter["enum"])):
-            return f"takes other words for {shown(name)} than the command", f"they are {listed(parameter['enum'])}"
+            return f"takes other words for {display(name)} than the command", f"they are {listed(parameter['enum'])}"
     return None
 
 

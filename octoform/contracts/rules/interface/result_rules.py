@@ -13,11 +13,11 @@ from typing import Any
 from jsonschema import Draft202012Validator
 from jsonschema.exceptions import SchemaError, best_match
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.base.files import parse
 from octoform.base.pointer import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
-from octoform.contracts.rules.interface.bound_rules import trial_too_long
+from octoform.contracts.rules.interface.bound_rules import sample_too_long
 from octoform.contracts.schema_validation import Problem, validator
 from octoform.diagnostics import Diagnostic, error
 
@@ -43,7 +43,7 @@ def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         for name, member in _properties(tool).items():
             if not isinstance(member, dict) or not _TYPING & member.keys():
-                summary = f"the parameter {shown(name)} of {shown(tool['name'])} has no type"
+                summary = f"the parameter {display(name)} of {display(tool['name'])} has no type"
                 where = pointer("tools", index, "input_schema", "properties", name)
                 hint = "give it a type, and its unit and range"
                 out.append(error("INTERFACE-UNTYPED-PROPERTY", summary, pointer=where, hint=hint))
@@ -56,7 +56,7 @@ def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         for name in _required(tool):
             if name not in _properties(tool):
-                summary = f"{shown(tool['name'])} requires the parameter {shown(name)}, which it does not have"
+                summary = f"{display(tool['name'])} requires the parameter {display(name)}, which it does not have"
                 where = pointer("tools", index, "input_schema", "required")
                 hint = "add it to properties, or take it out of required"
                 out.append(error("INTERFACE-REQUIRED-UNKNOWN", summary, pointer=where, hint=hint))
@@ -70,12 +70,12 @@ def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         member = _properties(tool).get("device")
         where = pointer("tools", index, "input_schema", "properties")
         if member is None and len(tool["devices"]) > 1:
-            summary = f"{shown(tool['name'])} serves {len(tool['devices'])} devices and has no parameter `device`"
+            summary = f"{display(tool['name'])} serves {len(tool['devices'])} devices and has no parameter `device`"
         elif member is not None and _choices(member, tool) != set(tool["devices"]):
-            summary = f"the parameter `device` of {shown(tool['name'])} does not list exactly the tool's devices"
+            summary = f"the parameter `device` of {display(tool['name'])} does not list exactly the tool's devices"
             where += "/device"
         elif tool["effect"] != "read" and len(tool["devices"]) > 1 and "device" not in _required(tool):
-            summary = f"{shown(tool['name'])} chooses among its devices where a caller names none"
+            summary = f"{display(tool['name'])} chooses among its devices where a caller names none"
             where = pointer("tools", index, "input_schema", "required")
         else:
             continue
@@ -89,7 +89,9 @@ def limit_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool, wanted, profile in _profile_limits(value, artifacts):
         if _limit_of(tool, wanted["parameter"]) is None:
-            summary = f"{shown(tool['name'])} lacks the limit of {shown(wanted['parameter'])} from {shown(profile)}"
+            summary = (
+                f"{display(tool['name'])} lacks the limit of {display(wanted['parameter'])} from {display(profile)}"
+            )
             where = pointer("tools", index, "limits")
             hint = f"add {_range(wanted)}"
             out.append(error("INTERFACE-LIMIT-MISSING", summary, pointer=where, hint=hint))
@@ -102,7 +104,7 @@ def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, tool, wanted, profile in _profile_limits(value, artifacts):
         has = _limit_of(tool, wanted["parameter"])
         if has is not None and not _within(has, wanted):
-            summary = f"{_range(has)} of {shown(tool['name'])} is not within {_range(wanted)} of {shown(profile)}"
+            summary = f"{_range(has)} of {display(tool['name'])} is not within {_range(wanted)} of {display(profile)}"
             where = pointer("tools", index, "limits")
             hint = "keep both bounds and the unit of the profile, or narrow them"
             out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
@@ -111,7 +113,7 @@ def limit_wider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         for at, limit in enumerate(tool.get("limits", ())):
             own = _properties(tool).get(limit["parameter"])
             if isinstance(own, dict) and (index, limit["parameter"]) not in known and _is_wider(limit, own):
-                summary = f"{_range(limit)} of {shown(tool['name'])} is not within the range that the argument has"
+                summary = f"{_range(limit)} of {display(tool['name'])} is not within the range that the argument has"
                 where = pointer("tools", index, "limits", at)
                 hint = "write the minimum and maximum of input_schema, or narrower ones"
                 out.append(error("INTERFACE-LIMIT-WIDER", summary, pointer=where, hint=hint))
@@ -140,7 +142,7 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 why = "is of a parameter that the tool does not have"
             else:
                 continue
-            summary = f"the limit of {shown(limit['parameter'])} in {shown(tool['name'])} {why}"
+            summary = f"the limit of {display(limit['parameter'])} in {display(tool['name'])} {why}"
             out.append(error("INTERFACE-LIMIT-EMPTY", summary, pointer=pointer("tools", index, "limits", at)))
     return out
 
@@ -148,21 +150,21 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A read tool can be called once for a test, briefly: its smoke arguments, or none, fit its input_schema."""
     effects = effects_of(artifacts)
-    out = trial_too_long(value)
+    out = sample_too_long(value)
     for index, tool in enumerate(value["tools"]):
         where = pointer("tools", index, "smoke")
         if is_graver(effects.get(tool["capability"], tool["effect"]), tool["effect"]):
             continue  # another rule's finding, and the cause of this one
         if tool["effect"] != "read":
             if "smoke" in tool:
-                summary = f"{shown(tool['name'])} is no read tool and may not be called for a test"
+                summary = f"{display(tool['name'])} is no read tool and may not be called for a test"
                 out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint="take smoke out"))
             continue
         arguments = tool.get("smoke", {}).get("arguments", {})
         problem = _misfit(arguments, tool["input_schema"])
         if problem is not None:
             given = "its smoke arguments do" if "smoke" in tool else "without smoke arguments, an empty call does"
-            summary = f"{shown(tool['name'])} cannot be called for a test: {given} not fit the input_schema"
+            summary = f"{display(tool['name'])} cannot be called for a test: {given} not fit the input_schema"
             hint = "give harmless arguments that the input_schema accepts"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, detail=problem, hint=hint))
     return out
@@ -189,7 +191,7 @@ def _invalid(value: JsonObject, member: str, code: str) -> list[Diagnostic]:
             continue
         problem = _schema_problem(schema)
         if problem is not None:
-            summary = f"the {member} of {shown(tool['name'])} {problem}"
+            summary = f"the {member} of {display(tool['name'])} {problem}"
             hint = "write a JSON Schema (2020-12) of type object that refers to nothing outside itself"
             out.append(error(code, summary, pointer=pointer("tools", index, member), hint=hint))
     return out
@@ -197,7 +199,7 @@ def _invalid(value: JsonObject, member: str, code: str) -> list[Diagnostic]:
 
 def _schema_problem(schema: JsonObject) -> str | None:
     if schema.get("type") != "object":
-        return f"has the type {shown(schema.get('type', 'none'))}, not object"
+        return f"has the type {display(schema.get('type', 'none'))}, not object"
     if (problem := _misshapen(json.dumps(schema))) is not None:
         return problem
     try:
@@ -214,7 +216,7 @@ def _misshapen(schema: str) -> str | None:
         Draft202012Validator.check_schema(parse(schema))
     except SchemaError as problem:
         place = "/".join(str(part) for part in problem.absolute_path) or "its top"
-        return f"is not a valid schema at {shown(place)}: its {shown(problem.validator)} is wrong"
+        return f"is not a valid schema at {display(place)}: its {display(problem.validator)} is wrong"
     return None
 
 
@@ -240,7 +242,7 @@ def _unfolded(place: Any, root: JsonObject, sizes: dict[str, int]) -> int:
                 sizes[reference] = 0
                 sizes[reference] = _unfolded(_target(reference, root), root, sizes)
             if sizes[reference] == 0:
-                raise _Unusable(f"refers to itself by {shown(reference)}")
+                raise _Unusable(f"refers to itself by {display(reference)}")
             size += sizes[reference]
     return size + sum(_unfolded(item, root, sizes) for name, item in place.items() if name != "$defs")
 
@@ -249,7 +251,7 @@ def _target(reference: str, root: JsonObject) -> Any:
     known = reference == "#" or reference.startswith("#/")
     place = resolve(root, reference) if known else None
     if not known or not isinstance(place, dict | bool):
-        raise _Unusable(f"refers to {shown(reference)}, which is not in it")
+        raise _Unusable(f"refers to {display(reference)}, which is not in it")
     return place
 
 
@@ -315,7 +317,7 @@ def _within(has: Mapping[str, Any], wanted: Mapping[str, Any]) -> bool:
 def _range(limit: Mapping[str, Any]) -> str:
     low, high = limit.get("minimum", "-"), limit.get("maximum", "-")
     unit = limit.get("unit")
-    return f"{shown(limit['parameter'])} {low} to {high}" + (f" {shown(unit)[1:-1]}" if unit else "")
+    return f"{display(limit['parameter'])} {low} to {high}" + (f" {display(unit)[1:-1]}" if unit else "")
 
 
 def _misfit(arguments: JsonObject, schema: JsonObject) -> str | None:
@@ -330,8 +332,8 @@ def _reason(problem: Problem) -> str:
     place = "/".join(str(part) for part in problem.absolute_path) or "the arguments"
     if problem.validator == "required":
         absent = [name for name in problem.validator_value if name not in problem.instance]
-        return f"{shown(place)[1:-1]} lack {', '.join(shown(name) for name in absent)}"
-    return f"{shown(place)[1:-1]}: {shown(problem.instance, 40)} breaks {shown(problem.validator)}"
+        return f"{display(place)[1:-1]} lack {', '.join(display(name) for name in absent)}"
+    return f"{display(place)[1:-1]}: {display(problem.instance, 40)} breaks {display(problem.validator)}"
 
 
 def _without_patterns(schema: Any) -> Any:
@@ -368,7 +370,7 @@ def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         concerned = sorted(of_units.intersection(tool["devices"]))
         if not concerned or tool["effect"] == "read" or tool.get("stops") or "units" in tool:
             continue
-        summary = f"{shown(tool['name'])} does not declare which units of {listed(concerned)} it acts on"
+        summary = f"{display(tool['name'])} does not declare which units of {listed(concerned)} it acts on"
         hint = "write `units`: their names, the parameter that names one, and where a call moves them"
         out.append(error("INTERFACE-UNITS-MISSING", summary, pointer=pointer("tools", index), hint=hint))
     return out
@@ -379,7 +381,7 @@ def units_wrong(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         for problem in _problems(tool) if "units" in tool else ():
-            summary = f"the units of {shown(tool['name'])} {problem}"
+            summary = f"the units of {display(tool['name'])} {problem}"
             hint = "name only parameters that input_schema has, and units that are in `names`"
             out.append(error("INTERFACE-UNITS-WRONG", summary, pointer=pointer("tools", index, "units"), hint=hint))
     return out
@@ -408,19 +410,19 @@ def _problems(tool: JsonObject) -> Iterator[str]:
     properties = tool["input_schema"].get("properties")
     known = set(properties) if isinstance(properties, dict) else set()
     if absent := sorted({*stands, *_given(found, "parameter"), *_given(goal, "parameter")} - known):
-        yield f"name {listed([shown(name) for name in absent])}, which is no parameter of it"
+        yield f"name {listed([display(name) for name in absent])}, which is no parameter of it"
     if strange := sorted({*stands.values(), *goal.get("fixed", {})} - set(names)):
-        yield f"do not list {listed([shown(name) for name in strange])} among their names"
+        yield f"do not list {listed([display(name) for name in strange])} among their names"
     if unplaced := sorted(set(names) - set(goal["fixed"])) if goal.get("fixed") else []:
-        yield f"have a pose without a place of {listed([shown(name) for name in unplaced])}"
+        yield f"have a pose without a place of {listed([display(name) for name in unplaced])}"
     words = [word for name, others in names.items() for word in (name, *others)]
     if reports := found.get("reports"):
         yield from _unreported(tool, reports)
     if twice := sorted({word for word in words if words.count(word) > 1}):
-        yield f"mean more than one by {listed([shown(word) for word in twice])}"
+        yield f"mean more than one by {listed([display(word) for word in twice])}"
     choices = (properties or {}).get(found.get("parameter"), {}).get("enum", ())
     if strange := sorted({str(word) for word in choices} - set(words)):
-        yield f"do not define which one {listed([shown(word) for word in strange])} is"
+        yield f"do not define which one {listed([display(word) for word in strange])} is"
 
 
 def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
@@ -435,8 +437,8 @@ def _unreported(tool: JsonObject, reports: JsonObject) -> Iterator[str]:
         yield "report a place and do not name its unit"
     wanted = [name for name in (reports["field"], reports.get("unit")) if name]
     if absent := sorted({*wanted} - set(record)):
-        yield f"report by {listed([shown(name) for name in absent])}, which the output schema does not have"
+        yield f"report by {listed([display(name) for name in absent])}, which the output schema does not have"
 
 
-def _given(told: Mapping[str, Any], name: str) -> tuple[str, ...]:
-    return (told[name],) if name in told else ()
+def _given(units: Mapping[str, Any], name: str) -> tuple[str, ...]:
+    return (units[name],) if name in units else ()

@@ -7,7 +7,7 @@ import ast
 import re
 import sys
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.source_lines import counted
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
@@ -83,11 +83,11 @@ def import_relative(value: str, _: Artifacts) -> list[Diagnostic]:
             hint = "import `runtime` by its name; it lies beside the server"
             out.append(source.problem("SERVE-IMPORT-FORM", node, "the server has a relative import", hint))
         elif name in _STAND_INS:
-            summary = f"{shown(name)} makes fakes, and a server that has one reads no device"
+            summary = f"{display(name)} makes fakes, and a server that has one reads no device"
             hint = "let the import of a missing library fail: its tool then reports which one is missing"
             out.append(source.problem("SERVE-IMPORT-FORM", node, summary, hint))
         elif isinstance(node, ast.ImportFrom) and any(item.name == "*" for item in node.names):
-            summary = f"a star import from {shown(name)} hides what the server uses"
+            summary = f"a star import from {display(name)} hides what the server uses"
             out.append(source.problem("SERVE-IMPORT-FORM", node, summary, "import each name"))
     return out
 
@@ -106,7 +106,7 @@ def import_undeclared(value: str, _: Artifacts) -> list[Diagnostic]:
         source.problem(
             "SERVE-IMPORT-UNDECLARED",
             node,
-            f"{shown(name)} is imported, but no dependency of the header provides it",
+            f"{display(name)} is imported, but no dependency of the header provides it",
             "declare the distribution that provides it in the script header",
         )
         for name, node in foreign
@@ -125,7 +125,7 @@ def dynamic_code(value: str, _: Artifacts) -> list[Diagnostic]:
         name = source.dotted(node)
         if name in _DYNAMIC and name not in own:
             hint = "write the code out, or choose among written functions with a table"
-            out.append(source.problem("SERVE-DYNAMIC-CODE", node, f"{shown(name)} makes code from data", hint))
+            out.append(source.problem("SERVE-DYNAMIC-CODE", node, f"{display(name)} makes code from data", hint))
     return out
 
 
@@ -136,7 +136,7 @@ def shell(value: str, _: Artifacts) -> list[Diagnostic]:
     for call, name in source.calls:
         why = None
         if _SHELL.fullmatch(name):
-            why = f"{shown(name)} hands a command line to a shell or replaces the process"
+            why = f"{display(name)} hands a command line to a shell or replaces the process"
         elif name in SPAWN:
             why = _spawn_problem(source, call, name)
         if why is not None:
@@ -150,7 +150,7 @@ def unsafe_loads(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "use json, struct or plain text"
     return [
-        source.problem("SERVE-UNSAFE-LOADS", call, f"{shown(name)} can run code that is in the data", hint)
+        source.problem("SERVE-UNSAFE-LOADS", call, f"{display(name)} can run code that is in the data", hint)
         for call, name in source.calls
         if _UNSAFE_LOADS.fullmatch(name) and not _safe_loader(call)
     ]
@@ -168,7 +168,7 @@ def listens(value: str, _: Artifacts) -> list[Diagnostic]:
         networked = runs and not (isinstance(transport, ast.Constant) and transport.value == "stdio")
         if _LISTENERS.fullmatch(name) or (networked and not name.startswith("asyncio.")):
             hint = 'end the file with mcp.run() under `if __name__ == "__main__":`, which speaks over stdio'
-            out.append(source.problem("SERVE-LISTENS", call, f"{shown(name)} listens on a network", hint))
+            out.append(source.problem("SERVE-LISTENS", call, f"{display(name)} listens on a network", hint))
     return out
 
 
@@ -182,7 +182,7 @@ def prints(value: str, _: Artifacts) -> list[Diagnostic]:
         if name == "print" and (target is None or source.dotted(target) == "sys.stdout"):
             out.append(source.problem("SERVE-PRINTS", call, "print writes into the protocol's stream", hint))
         elif name in ("sys.stdout.write", "sys.stdout.writelines", "sys.stdout.buffer.write"):
-            out.append(source.problem("SERVE-PRINTS", call, f"{shown(name)} writes into the protocol's stream", hint))
+            out.append(source.problem("SERVE-PRINTS", call, f"{display(name)} writes into the protocol's stream", hint))
     return out
 
 
@@ -198,7 +198,7 @@ def ends_process(value: str, _: Artifacts) -> list[Diagnostic]:
         own = name == "os.kill" and isinstance(node, ast.Call) and "os.getpid" in ast.unparse(node)
         ends = name in (_ENDING if isinstance(node, ast.Raise) else _ENDS)
         if (own or ends) and source.owner(node) in used:
-            out.append(source.problem("SERVE-ENDS-PROCESS", node, f"{shown(name)} ends the whole server", hint))
+            out.append(source.problem("SERVE-ENDS-PROCESS", node, f"{display(name)} ends the whole server", hint))
     return out
 
 
@@ -219,7 +219,7 @@ def module_changed(value: str, _: Artifacts) -> list[Diagnostic]:
             root = root.value
         name = source.dotted(changed)
         if isinstance(root, ast.Name) and root.id in source.names and not name.startswith("logging"):
-            summary = f"a part of {shown(name)} is replaced, for everyone who uses it"
+            summary = f"a part of {display(name)} is replaced, for everyone who uses it"
             out.append(source.problem("SERVE-MODULE-CHANGED", node, summary, hint))
     return out
 
@@ -232,7 +232,7 @@ def waits_too_long(value: str, _: Artifacts) -> list[Diagnostic]:
         given = call.args[0] if name in _SLEEPS and call.args else None
         seconds = given.value if isinstance(given, ast.Constant) else None
         if isinstance(seconds, int | float) and seconds > _LONGEST_WAIT:
-            summary = f"{shown(name)} waits {seconds:g} s, and a call may last {_LONGEST_WAIT:g} s"
+            summary = f"{display(name)} waits {seconds:g} s, and a call may last {_LONGEST_WAIT:g} s"
             hint = "return what is there now, or let a parameter say how long to wait, within a minute"
             out.append(source.problem("SERVE-WAIT-TOO-LONG", call, summary, hint))
     return out
@@ -277,19 +277,19 @@ def _safe_loader(call: ast.Call) -> bool:
 def _spawn_problem(source: Source, call: ast.Call, name: str) -> str | None:
     flag = _keyword(call, "shell")
     if flag is not None and not (isinstance(flag, ast.Constant) and flag.value is False):
-        return f"{shown(name)} may use a shell"
+        return f"{display(name)} may use a shell"
     if name.startswith("asyncio."):
         program: ast.expr | None = call.args[0] if call.args else None
     else:
         given = call.args[0] if call.args else _keyword(call, "args")
         listed = literal(source, given)
         if listed is None or not listed.elts:
-            return f"{shown(name)} is not given a literal list of arguments"
+            return f"{display(name)} is not given a literal list of arguments"
         program = listed.elts[0]
     if not (isinstance(program, ast.Constant) and isinstance(program.value, str)):
-        return f"{shown(name)} starts a program whose name is not constant"
+        return f"{display(name)} starts a program whose name is not constant"
     if _INTERPRETERS.fullmatch(program.value):
-        return f"{shown(name)} starts {shown(program.value)}, which runs other commands"
+        return f"{display(name)} starts {display(program.value)}, which runs other commands"
     return None
 
 

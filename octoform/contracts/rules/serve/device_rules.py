@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
@@ -47,7 +47,7 @@ def device_at_import(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "find and open the device inside the tool that needs it"
     return [
-        source.problem("SERVE-DEVICE-AT-IMPORT", call, f"{shown(source.dotted(call.func))} runs at import", hint)
+        source.problem("SERVE-DEVICE-AT-IMPORT", call, f"{display(source.dotted(call.func))} runs at import", hint)
         for call in _run_at_import(source)
         if opens_anything(source, call)
     ]
@@ -61,7 +61,7 @@ def bus_unlocked(value: str, _: Artifacts) -> list[Diagnostic]:
     out = []
     for name, call in _bare_touches(source):
         if name in exposed:
-            summary = f"{shown(source.dotted(call.func))} reaches a device outside the lock of its bus"
+            summary = f"{display(source.dotted(call.func))} reaches a device outside the lock of its bus"
             out.append(source.problem("SERVE-BUS-UNLOCKED", call, summary, hint))
     return out
 

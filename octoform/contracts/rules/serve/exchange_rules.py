@@ -8,7 +8,7 @@ import ast
 import re
 from collections.abc import Iterator
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
@@ -130,7 +130,7 @@ def exchange_split(value: str, _: Artifacts) -> list[Diagnostic]:
         asking = [block for block, talk in talks if talk == {"asks"}]
         hearing = [block for block, talk in talks if talk == {"hears"}]
         if asking and hearing:
-            summary = f"the tool {shown(site.name or '')} writes under one lock and reads the answer under another"
+            summary = f"the tool {display(site.name or '')} writes under one lock and reads the answer under another"
             out.setdefault(hearing[0], source.problem("SERVE-EXCHANGE-SPLIT", hearing[0], summary, hint))
     return list(out.values())
 
@@ -163,10 +163,10 @@ def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             continue
         speed = _speed(call)
         if speed is None and not _set_later(source, call):
-            summary = f"{shown(name)} is given no speed, so the line is opened at whatever the library takes"
+            summary = f"{display(name)} is given no speed, so the line is opened at whatever the library takes"
             hint = "name the speed: baudrate=115200, as INTERFACE or the profile gives it"
         elif isinstance(speed, ast.Constant) and named and speed.value not in named:
-            summary = f"{shown(name)} opens the line at {speed.value!r} baud, which no tool of INTERFACE names"
+            summary = f"{display(name)} opens the line at {speed.value!r} baud, which no tool of INTERFACE names"
             hint = f"use the speed that INTERFACE names: {', '.join(map(str, sorted(named)))}"
         else:
             continue
@@ -194,7 +194,7 @@ def line_wait(value: str, _: Artifacts) -> list[Diagnostic]:
     out = []
     for call, name in source.calls:
         if name.rpartition(".")[2] in _OPENED and not _has_limit(source, call):
-            summary = f"{shown(name)} is given no time limit, so a read of a silent device never ends"
+            summary = f"{display(name)} is given no time limit, so a read of a silent device never ends"
             out.append(source.problem("SERVE-LINE-WAIT", call, summary, "pass timeout=1, or what the device needs"))
     hint = "leave it after a time (time.monotonic) or a number of turns, with an error, or where a read came back empty"
     for loop in source.nodes:

@@ -8,7 +8,7 @@ import ast
 import re
 from collections.abc import Iterator
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.movement_words import commands_something, spoken
@@ -68,7 +68,7 @@ def line_written(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] != "read" or not devices:
             continue
         for node, what in _writing(source, _reached(source, site)):
-            summary = f"{what}, and no one knows what {shown(devices[0])} does with it"
+            summary = f"{what}, and no one knows what {display(devices[0])} does with it"
             hint = f"in a tool that reads send a constant question, or listen; {cure(devices[0], artifacts)}"
             out.setdefault(node, source.problem(CODE, node, summary, hint))
     return list(out.values())
@@ -139,7 +139,7 @@ def _writing(source: Source, parts: list[ast.AST]) -> Iterator[tuple[ast.AST, st
             yield node, f"{name} hides what is called"
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Store):
             if node.attr in _MOVED_MEMBERS and not _is_self(node.value):
-                yield node, f"{shown(node.attr)} of something is set"
+                yield node, f"{display(node.attr)} of something is set"
         elif isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load):
             yield from _sending(source, node, name, used)
         elif isinstance(node, ast.Call) and source.dotted(node.func) == "print":
@@ -167,9 +167,9 @@ def _sending(source: Source, node: ast.Attribute, name: str, used: list[Function
     if _SENDS.fullmatch(method):
         given = [item for item in call.args] + [item.value for item in call.keywords] if call is not None else []
         if call is None or not given or not all(_question(source, item, used) for item in given):
-            yield node, f"{shown(method)} sends what is no constant question"
+            yield node, f"{display(method)} sends what is no constant question"
     elif _SETS.fullmatch(method) and not _PORT_ITSELF.fullmatch(method):
-        yield node, f"{shown(method)} sets or moves something"
+        yield node, f"{display(method)} sets or moves something"
 
 
 def _is_self(node: ast.expr) -> bool:

@@ -4,7 +4,7 @@ import ast
 import re
 from collections.abc import Iterator, Sequence
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.server_source import Source
@@ -37,10 +37,10 @@ def literal_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
         if text is not None and _is_place(source, node, text):
             names.add(node)
             written = text.replace(_UNKNOWN, "*")
-            yield node, f"{shown(written)} is where a device was when this was written"
+            yield node, f"{display(written)} is where a device was when this was written"
     for call, name in source.calls:
         if _BY_ITSELF.fullmatch(name):
-            yield call, f"{shown(name)} looks for devices of its own"
+            yield call, f"{display(name)} looks for devices of its own"
     cameras = any(name.rpartition(".")[2] == "VideoCapture" for _, name in source.calls)
     for call, name in source.calls:
         number = _number(source, flow, call, name.rpartition(".")[2], cameras)

@@ -8,7 +8,7 @@ import ast
 import re
 from collections.abc import Iterator
 
-from octoform.base.escaping import listed, shown
+from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.flow import Flow, flow_of
 from octoform.contracts.rules.serve.origins import Origin
@@ -49,7 +49,7 @@ def not_implemented(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for function in tool_functions(source, site):
             reads = tool["effect"] == "read"
             if does_nothing(source, function) or (reads and not flow.results(function)):
-                summary = f"the tool {shown(site.name or '')} is not implemented: a call of it never gives a result"
+                summary = f"the tool {display(site.name or '')} is not implemented: a call of it never gives a result"
                 out.append(source.problem("SERVE-NOT-IMPLEMENTED", function, summary, hint))
     return out
 
@@ -74,8 +74,8 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             what = "takes nothing from the device that it asks for" if asked else "never asks for its device"
             summary = f"{what}, so what it returns does not come from there"
         if summary is not None:
-            hint = f"call runtime.device({'device' if len(tool['devices']) > 1 else shown(tool['devices'][0])}) in it"
-            summary = f"the tool {shown(site.name or '')} {summary}"
+            hint = f"call runtime.device({'device' if len(tool['devices']) > 1 else display(tool['devices'][0])}) in it"
+            summary = f"the tool {display(site.name or '')} {summary}"
             out.append(source.problem("SERVE-DEVICE-NOT-ASKED", site.node, summary, hint))
     return out
 

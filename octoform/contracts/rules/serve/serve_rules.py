@@ -5,7 +5,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import replace
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve import (
     code_rules,
@@ -39,7 +39,7 @@ def actuate_unbound(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for site in tool_sites(source):
         effect = effects.get(site.name or "", "read")
         for call in _unbound(source, site) if effect != "read" else ():
-            summary = f"the tool {shown(site.name or '')} ({effect}) asks for its device as a reader does"
+            summary = f"the tool {display(site.name or '')} ({effect}) asks for its device as a reader does"
             out.setdefault(call, source.problem(CODE, call, summary, _HINT))
     return list(out.values())
 
@@ -92,9 +92,9 @@ def async_blocks(value: str, _: Artifacts) -> list[Diagnostic]:
             continue
         name = source.dotted(call.func)
         if _BLOCKING.fullmatch(name):
-            summary = f"{shown(name)} blocks every client while {shown(owner.name)} waits"
+            summary = f"{display(name)} blocks every client while {display(owner.name)} waits"
         elif name in blocking:
-            summary = f"{shown(name)} blocks ({blocking[name]}), and {shown(owner.name)} calls it on the event loop"
+            summary = f"{display(name)} blocks ({blocking[name]}), and {display(owner.name)} calls it on the event loop"
         else:
             continue
         out.append(source.problem("SERVE-ASYNC-BLOCKS", call, summary, hint))
@@ -110,7 +110,7 @@ def _blocking_functions(source: Source) -> dict[str, str]:
     calls = [(source.dotted(call.func), owner.name) for call, owner in _direct_calls(source) if _is_plain(owner)]
     while True:
         more = {
-            owner: shown(name) if _BLOCKING.fullmatch(name) else found[name]
+            owner: display(name) if _BLOCKING.fullmatch(name) else found[name]
             for name, owner in calls
             if owner not in found and (_BLOCKING.fullmatch(name) or name in found)
         }

@@ -7,7 +7,7 @@ not there. The gate is before tools alone, so whatever else a server could offer
 import ast
 from collections.abc import Collection, Iterator
 
-from octoform.base.escaping import escaped, listed, shown
+from octoform.base.escaping import display, escaped, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.script_header import interface_errors
@@ -54,11 +54,11 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             summary = "the name of this tool is not constant"
             out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "write the name as a string"))
         elif site.name not in wanted:
-            summary = f"{shown(site.name)} is not a tool of INTERFACE"
+            summary = f"{display(site.name)} is not a tool of INTERFACE"
             hint = "serve exactly the tools of the INTERFACE artifact"
             out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, hint))
         elif present.count(site.name) > 1:
-            summary = f"{shown(site.name)} is registered more than once"
+            summary = f"{display(site.name)} is registered more than once"
             out.append(source.problem("SERVE-TOOLS-DIFFER", site.node, summary, "register each tool once"))
     absent = sorted(wanted - set(present))
     if absent:
@@ -77,11 +77,11 @@ def interface_blamed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     out = []
     for name, problem in interface_errors(value):
         if name in wanted:
-            summary = f"SERVE finds INTERFACE wrong about {shown(name)}: {escaped(problem[:MAX_PROBLEM])}"
+            summary = f"SERVE finds INTERFACE wrong about {display(name)}: {escaped(problem[:MAX_PROBLEM])}"
             hint = "INTERFACE runs again with this, once if this run made it; else: octoform apply -replace interface"
             out.append(error("SERVE-INTERFACE-WRONG", summary, span=Span(1, 1), hint=hint))
         else:
-            summary = f"{shown(name)} is not a tool of INTERFACE, so nothing is wrong with it there"
+            summary = f"{display(name)} is not a tool of INTERFACE, so nothing is wrong with it there"
             hint = "name a tool of the INTERFACE artifact in interface-errors"
             out.append(error("SERVE-TOOLS-DIFFER", summary, span=Span(1, 1), hint=hint))
     return out
@@ -92,7 +92,7 @@ def tool_not_logged(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "put @runtime.logged directly below @mcp.tool(...)"
     return [
-        source.problem("SERVE-TOOL-NOT-LOGGED", site.node, f"the tool {shown(site.name)} is not logged", hint)
+        source.problem("SERVE-TOOL-NOT-LOGGED", site.node, f"the tool {display(site.name)} is not logged", hint)
         for site in tool_sites(source)
         if not site.logged
     ]
@@ -103,7 +103,7 @@ def passthrough(value: str, _: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "serve what the device does, with typed parameters"
     return [
-        source.problem("SERVE-PASSTHROUGH", site.node, f"the tool {shown(site.name)} is a raw pipe", hint)
+        source.problem("SERVE-PASSTHROUGH", site.node, f"the tool {display(site.name)} is a raw pipe", hint)
         for site in tool_sites(source)
         if site.name is not None and is_passthrough(site.name)
     ]
@@ -121,16 +121,16 @@ def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
         if isinstance(node, ast.Call) and source.dotted(node.func).rpartition(".")[2] == "FastMCP":
             names = [item.arg or "**" for item in node.keywords if item.arg not in _PLAIN_OPTIONS]
             out += [
-                source.problem("SERVE-BEYOND-TOOLS", node, f"the server is made with {shown(name)}", hint)
+                source.problem("SERVE-BEYOND-TOOLS", node, f"the server is made with {display(name)}", hint)
                 for name in names
             ]
         elif isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load) and node.id in servers:
             above = source.parents.get(node)
             if not isinstance(above, ast.Attribute):
-                summary = f"{shown(node.id)} is handed on, so what is registered on it cannot be seen"
+                summary = f"{display(node.id)} is handed on, so what is registered on it cannot be seen"
                 out.append(source.problem("SERVE-BEYOND-TOOLS", node, summary, hint))
             elif above.attr not in _PLAIN_USES:
-                summary = f"{shown(source.dotted(above))} reaches past the tools"
+                summary = f"{display(source.dotted(above))} reaches past the tools"
                 out.append(source.problem("SERVE-BEYOND-TOOLS", above, summary, hint))
     return out
 

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment, unmeasured
@@ -51,7 +51,7 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for node in (each for each in source.nodes if source.owner(each) in used):
         for name, each in _stored(source).get(node, ()):
             if name in read and kept.holds(each) and is_measured(node, name, [read[name]], frozenset()):
-                why = f"a {shown(name)} of an earlier call replaces a reading"
+                why = f"a {display(name)} of an earlier call replaces a reading"
                 out.append(source.problem("SERVE-DEFAULT-READING", each, why, _AGAIN))
         for place, absent in substitutes.at(node):
             out.append(source.problem("SERVE-DEFAULT-READING", place, f"a made-up value replaces {absent}", hint))
@@ -76,18 +76,18 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         given = [each for each in stored if each[1] in units and source.owner(each[0]) in used]
         for _, name, each in given:
             if _is_invented(source, flow, each):
-                summary = f"the result's {shown(name)} is a number of this file, and not one that the device gave"
+                summary = f"the result's {display(name)} is a number of this file, and not one that the device gave"
                 hint = "read it, or omit the member from INTERFACE's output_schema; null there lets None mean unknown"
                 out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for name, each, what, hint in unmeasured(source, flow, given, units, tool):
-            summary = f"the result's {shown(name)} is {what}, and not what the device measured"
+            summary = f"the result's {display(name)} is {what}, and not what the device measured"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
         for call in (node for node, _ in source.calls if source.owner(node) in used and _draws(source, flow, node)):
             summary = "a number that is drawn by chance goes into what this tool returns"
             hint = "return what was read as it is; a wait of chance belongs to time.sleep"
             out.setdefault(call, source.problem("SERVE-CONSTANT-READING", call, summary, hint))
         for name, each in _chosen(source, flow, given, units):
-            summary = f"the result's {shown(name)} is one of the numbers in this file, whatever the device measured"
+            summary = f"the result's {display(name)} is one of the numbers in this file, whatever the device measured"
             hint = "return the number that was read; where a bound is all that is known, that is a state: in INTERFACE "
             hint += "a boolean or an enum"
             out.setdefault(each, source.problem("SERVE-CONSTANT-READING", each, summary, hint))
@@ -335,7 +335,7 @@ class _Substitutes:
             ends = any(isinstance(item, ast.Raise | ast.Return | ast.Continue | ast.Break) for item in walk(handler))
             for item in walk(handler):
                 returned = isinstance(item, ast.Return) and item.value is not None and self._of_numbers(item.value)
-                returned = returned or (isinstance(item, ast.Return) and _says_nothing(item, handler))
+                returned = returned or (isinstance(item, ast.Return) and _returns_nothing(item, handler))
                 assigned = isinstance(item, ast.Assign) and self._is_number(item.value) and read & _names(item)
                 if returned or assigned:
                     yield item, "a reading that failed"
@@ -399,7 +399,7 @@ class _Substitutes:
         return self._is_number(node)
 
 
-def _says_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
+def _returns_nothing(node: ast.Return, handler: ast.ExceptHandler) -> bool:
     """Whether a handler of whatever goes wrong returns a record with empty lists, as if there were nothing."""
     kinds = [handler.type] if not isinstance(handler.type, ast.Tuple) else handler.type.elts
     broad = any(item is None or last(item) in _BROAD for item in kinds)

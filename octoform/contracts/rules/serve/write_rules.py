@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from functools import lru_cache
 
-from octoform.base.escaping import shown
+from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
@@ -106,7 +106,7 @@ def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             if source.owner(call) not in used or call in out or not _writes(source, flow, call, name):
                 continue
             if not _switched_off(source, call, used):
-                summary = f"{shown(name)} writes, and the tool {shown(site.name or '')} has the effect read"
+                summary = f"{display(name)} writes, and the tool {display(site.name or '')} has the effect read"
                 out[call] = source.problem(CODE, call, summary, hint)
     return list(out.values())
 
@@ -124,7 +124,7 @@ def read_acts(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             if node in out or source.owner(node) not in used:
                 continue
             if not isinstance(node, ast.Call) or not _switched_off(source, node, used):
-                summary = f"{what}, and the tool {shown(site.name or '')} has the effect read"
+                summary = f"{what}, and the tool {display(site.name or '')} has the effect read"
                 problem = source.problem(ACTS, node, summary, hint)
                 # Who asks so for a reading is refused a twin in doubt, and moves nothing by it.
                 out[node] = as_warning(problem) if isinstance(node, ast.Call) else problem
@@ -139,7 +139,7 @@ def sets_nothing(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         source.problem(
             SETS_NOTHING,
             site.node,
-            f"the tool {shown(site.name or '')} is there to set something, and only reads",
+            f"the tool {display(site.name or '')} is there to set something, and only reads",
             hint,
         )
         for site, tool in served_tools(source, artifacts)
@@ -164,7 +164,7 @@ def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             loaded = {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load)}
             given = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
             for name in (item for item in given if item.arg in declared - loaded and "locals" not in loaded):
-                summary = f"{shown(name.arg)} changes nothing in the tool {shown(site.name or '')}"
+                summary = f"{display(name.arg)} changes nothing in the tool {display(site.name or '')}"
                 out.append(source.problem(UNUSED, name, summary, hint))
     return out
 
@@ -180,7 +180,7 @@ def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             if owner not in used or owner is None or last(call.func) not in _LATER or call in out:
                 continue
             if not any(isinstance(item, ast.Call) and last(item.func) in _WAITS for item in walk(owner)):
-                summary = f"{shown(name)} acts when the call of {shown(site.name or '')} may be over"
+                summary = f"{display(name)} acts when the call of {display(site.name or '')} may be over"
                 out[call] = source.problem(LATER, call, summary, hint)
     return list(out.values())
 
@@ -193,7 +193,7 @@ def failure_hidden(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     for site, used in _acting(source, artifacts):
         tries = [item for item in source.by_kind[ast.Try] if source.owner(item) in used and _may_act(source, item)]
         for handler in (each for item in tries for each in item.handlers if _returns_all_the_same(each)):
-            summary = f"the tool {shown(site.name or '')} returns a result although what it did has failed"
+            summary = f"the tool {display(site.name or '')} returns a result although what it did has failed"
             out.setdefault(handler, source.problem(HIDDEN, handler, summary, hint))
     return list(out.values())
 
@@ -259,7 +259,7 @@ def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
 
 def _acts(node: ast.AST, has_units: bool) -> str | None:
     if has_units and isinstance(node, ast.Attribute) and isinstance(node.ctx, ast.Load) and node.attr in _MOVING:
-        return f"{shown(node.attr)} moves a unit or switches it"
+        return f"{display(node.attr)} moves a unit or switches it"
     if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Attribute) or node.func.attr != "device":
         return None
     given = [item.value for item in node.keywords if item.arg == "actuate"] + node.args[1:2]

@@ -68,8 +68,8 @@ def test_a_live_endpoint(endpoint: Launched, look: Looker) -> None:
     assert facts.applied
     assert facts.process == endpoint.process
     assert facts.answers is True
-    assert facts.told is not None
-    assert facts.told["pid"] == endpoint.process.pid
+    assert facts.reported is not None
+    assert facts.reported["pid"] == endpoint.process.pid
     assert (facts.busy, facts.stopped_by, facts.latched, facts.start_failed) == (None, None, False, None)
     assert facts.disk_free is not None
     assert facts.disk_free > 0
@@ -205,7 +205,7 @@ def test_a_process_that_stands_still_is_told_by_the_ping(
     os.kill(pid, signal.SIGSTOP)
     try:
         facts = look(PING)
-        assert (facts.answers, facts.told) == (False, None)
+        assert (facts.answers, facts.reported) == (False, None)
         assert facts.process is not None
     finally:
         os.kill(pid, signal.SIGCONT)
@@ -219,7 +219,7 @@ def test_a_process_that_is_gone_and_another_one(endpoint: Launched, look: Looker
     while endpoint_of(look(PING)) is not None:
         time.sleep(0.001)
     facts = look(frozenset((Cause.PROCESS,)))
-    assert (facts.process, facts.answers, facts.told) == (None, None, None)
+    assert (facts.process, facts.answers, facts.reported) == (None, None, None)
     look.start_failed = "it says why"
     assert look(PING).start_failed == "it says why"
     endpoint.start()

@@ -66,7 +66,11 @@ def opened(layout: Layout, tmp_path: Path) -> EventSources:
 
 def test_with_watches_enough_nothing_is_looked_at_and_nothing_is_said(layout: Layout, tmp_path: Path) -> None:
     sources = opened(layout, tmp_path)
-    assert (sources.unwatched.folders, sources.unwatched.told(), sources.unwatched.hear()) == (0, None, frozenset())
+    assert (sources.unwatched.folders, sources.unwatched.diagnostic(), sources.unwatched.hear()) == (
+        0,
+        None,
+        frozenset(),
+    )
     sources.close()
 
 
@@ -76,7 +80,7 @@ def test_what_cannot_be_watched_is_looked_at_every_few_seconds_and_told(
     full += ["/log", "/serve"]
     sources = opened(layout, tmp_path)
     assert sources.unwatched.hear() == {Cause.LOG, Cause.FILES}
-    found = sources.unwatched.told()
+    found = sources.unwatched.diagnostic()
     assert found is not None and found.code == "DAEMON-FEW-WATCHES"
     assert found.summary.startswith(f"2 folders are looked at every {LOOK_SECONDS:g} s")
     full.clear()
@@ -84,7 +88,7 @@ def test_what_cannot_be_watched_is_looked_at_every_few_seconds_and_told(
     sources.wait(1.0)
     for ear in sources.unwatched._ears:
         ear.follow()
-    assert sources.unwatched.hear() == frozenset() and sources.unwatched.told() is None
+    assert sources.unwatched.hear() == frozenset() and sources.unwatched.diagnostic() is None
     sources.close()
 
 

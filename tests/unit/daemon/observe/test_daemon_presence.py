@@ -10,7 +10,7 @@ import pytest
 from plugged import CAMERA, SENSOR, Host
 
 from octoform import host
-from octoform.daemon.model import Sighting
+from octoform.daemon.model import LastSeen
 from octoform.daemon.observe.presence import Presence, Seen
 from octoform.endpoint.process.record import Running
 from octoform.endpoint.published_files import served_nodes
@@ -51,8 +51,8 @@ def test_the_devices_of_tools_and_whether_something_moves_them(layout: Layout) -
     assert served_nodes(layout) == {}
 
 
-def look(presence: Presence, anew: bool = False) -> Seen:
-    seen = presence(anew=anew)
+def look(presence: Presence, again: bool = False) -> Seen:
+    seen = presence(again=again)
     assert seen is not None
     return seen
 
@@ -60,16 +60,16 @@ def look(presence: Presence, anew: bool = False) -> Seen:
 def test_a_device_that_is_there_is_gone_and_comes_back_elsewhere(layout: Layout, rig: Host) -> None:
     presence = Presence(layout, environ(rig))
     seen = look(presence).devices
-    assert seen[CAMERA] == Sighting(True, PLACE, None, PLACE)
+    assert seen[CAMERA] == LastSeen(True, PLACE, None, PLACE)
     assert seen[SENSOR].there
     rig.unplug_camera()
-    assert look(presence).devices[CAMERA] == Sighting(False, None, None, PLACE)
+    assert look(presence).devices[CAMERA] == LastSeen(False, None, None, PLACE)
     rig.plug(CAMERA)
     folder = rig.root / "sys/devices/usb1"
     (folder / "1-5").rename(folder / "1-7")
     (rig.root / "sys/bus/usb/devices/1-5").unlink()
     (rig.root / "sys/bus/usb/devices/1-7").symlink_to(folder / "1-7")
-    assert look(presence).devices[CAMERA] == Sighting(True, "/sys/devices/usb1/1-7", None, PLACE)
+    assert look(presence).devices[CAMERA] == LastSeen(True, "/sys/devices/usb1/1-7", None, PLACE)
 
 
 class Where:
@@ -90,7 +90,7 @@ def test_the_runtime_is_asked_only_when_a_name_moved(layout: Layout, rig: Host) 
     for _ in range(3):
         presence()
     assert where.asked == 1
-    presence(anew=True)
+    presence(again=True)
     assert where.asked == 2
     rig.unplug_camera()
     presence()
@@ -104,7 +104,7 @@ def test_what_does_not_answer_says_nothing_and_is_asked_again(layout: Layout, ri
     where = Where()
     where.answers = None
     presence = Presence(layout, environ(rig), where)
-    assert look(presence).devices[CAMERA] == Sighting(None, None, None, PLACE)
+    assert look(presence).devices[CAMERA] == LastSeen(None, None, None, PLACE)
     presence()
     assert where.asked == 2
 
@@ -115,14 +115,14 @@ def test_what_was_never_there_is_not_gone_and_a_doubt_is_of_what_moves(layout: L
     doubtful = {"attached": True, "sysfs": PLACE, "doubt": "it may be another"}
     presence = Presence(layout, environ(rig), where)
     where.answers = {CAMERA: doubtful, SENSOR: absent}
-    seen = look(presence, anew=True).devices
+    seen = look(presence, again=True).devices
     assert (seen[SENSOR].there, seen[SENSOR].doubt) == (None, None)
     assert seen[CAMERA].doubt == "it may be another"
     where.answers = {CAMERA: absent, SENSOR: doubtful}
-    seen = look(presence, anew=True).devices
+    seen = look(presence, again=True).devices
     assert (seen[SENSOR].there, seen[SENSOR].doubt) == (True, None)
     where.answers = {CAMERA: absent, SENSOR: absent}
-    seen = look(presence, anew=True).devices
+    seen = look(presence, again=True).devices
     assert (seen[SENSOR].there, seen[CAMERA].there) == (False, False)
 
 

@@ -8,7 +8,7 @@ from daemon_world import DaemonWorld
 
 from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair
 from octoform.daemon.reconcile.repair_policy import Beside, Lane, Product, Task
-from octoform.daemon.reconcile.supervisor import Round
+from octoform.daemon.reconcile.supervisor import Cycle
 
 SECONDS = 20.0
 
@@ -42,7 +42,7 @@ class Beat:
             self.next()
         self.seen = len(self.world.rounds)
 
-    def next(self) -> Round:
+    def next(self) -> Cycle:
         """Wait until a work has ended, and let the loop know."""
         assert self.ended.acquire(timeout=SECONDS)
         return self.world.happens(Cause.PING)

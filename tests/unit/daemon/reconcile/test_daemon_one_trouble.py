@@ -8,7 +8,7 @@ import pytest
 from daemon_world import INTERVAL, DaemonWorld, first
 
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.model import Cause, Done, Facts, Finding, Repair, Sighting, Status
+from octoform.daemon.model import Cause, Done, Facts, Finding, LastSeen, Repair, Status
 from octoform.daemon.reconcile.repair_policy import AtOnce, Ended
 
 SOURCES = ("read_joints",)
@@ -107,7 +107,7 @@ def test_a_unit_that_is_silent_by_itself_is_told(world: Failing) -> None:
     assert [each for each in opened(world) if each[0] == "cleared"] == [], "its owner has not enabled it since"
 
 
-HERE, THERE = Sighting(True, "1-1", None, "1-1"), Sighting(True, "1-2", None, "1-1")
+HERE, THERE = LastSeen(True, "1-1", None, "1-1"), LastSeen(True, "1-2", None, "1-1")
 
 
 def rebound(world: DaemonWorld, finding: Finding) -> Done:
@@ -124,15 +124,15 @@ def plugged(tmp_path: Path) -> DaemonWorld:
     return found
 
 
-def seen(world: DaemonWorld, sighting: Sighting) -> None:
+def seen(world: DaemonWorld, sighting: LastSeen) -> None:
     world.truth.devices = {"cam": sighting}
     world.happens(Cause.HARDWARE)
     world.advance(60)
 
 
 @pytest.mark.parametrize(("back", "end"), [(THERE, "repaired"), (HERE, "cleared")])
-def test_one_replug_is_one_trouble_and_two_messages(plugged: DaemonWorld, back: Sighting, end: str) -> None:
-    seen(plugged, Sighting(False, None, None, "1-1"))
+def test_one_replug_is_one_trouble_and_two_messages(plugged: DaemonWorld, back: LastSeen, end: str) -> None:
+    seen(plugged, LastSeen(False, None, None, "1-1"))
     seen(plugged, back)
     assert opened(plugged) == [("opened", "device:cam"), (end, "device:cam")]
     assert len({item.id for made in plugged.rounds for item in (*made.opened, *made.ended)}) == 1
@@ -146,14 +146,14 @@ def test_a_device_that_is_only_in_another_place_is_one_message(plugged: DaemonWo
 
 def test_a_place_that_cannot_be_written_down_is_told(plugged: DaemonWorld) -> None:
     plugged.mends[Repair.REBIND] = lambda world, finding: Done(False, "the disk is full")
-    seen(plugged, Sighting(False, None, None, "1-1"))
+    seen(plugged, LastSeen(False, None, None, "1-1"))
     seen(plugged, THERE)
     plugged.advance(3600)
     assert opened(plugged) == [("opened", "device:cam"), ("frozen", "device:cam")]
 
 
 def test_a_replug_during_a_restart_of_the_daemon_is_the_same_trouble(plugged: DaemonWorld) -> None:
-    seen(plugged, Sighting(False, None, None, "1-1"))
+    seen(plugged, LastSeen(False, None, None, "1-1"))
     plugged.begun()
     plugged.truth.devices = {"cam": THERE}
     plugged.start()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from daemon_world import DaemonWorld, first
 
-from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair, Sighting, Spent, Status
+from octoform.daemon.model import Cause, Done, Finding, LastSeen, Outcome, Repair, Spent, Status
 from octoform.daemon.store import instance_lock
 from octoform.manifest.model import Daemon
 
@@ -219,14 +219,14 @@ def test_nothing_is_over_because_nobody_could_look(world: DaemonWorld) -> None:
 
 def test_a_device_that_is_gone_is_not_back_because_nobody_can_tell_and_says_what_told_of_it(world: DaemonWorld) -> None:
     world.start()
-    world.truth.devices = {"usb-1": Sighting(False, recorded="/sys/a")}
+    world.truth.devices = {"usb-1": LastSeen(False, recorded="/sys/a")}
     world.happens(Cause.HARDWARE)
     (episode,) = world.memory.episodes.open.values()
     assert episode.causes == ("hardware",)
-    world.truth.devices = {"usb-1": Sighting(None, recorded="/sys/a")}
+    world.truth.devices = {"usb-1": LastSeen(None, recorded="/sys/a")}
     world.happens(Cause.LOG)
     assert outcomes(world) == []
-    world.truth.devices = {"usb-1": Sighting(True, "/sys/a", recorded="/sys/a")}
+    world.truth.devices = {"usb-1": LastSeen(True, "/sys/a", recorded="/sys/a")}
     world.happens(Cause.HARDWARE)
     assert outcomes(world) == [("device:usb-1", Outcome.CLEARED)]
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent
 from octoform.daemon.store import incidents
-from octoform.daemon.store.agent_budget import Purse
-from octoform.daemon.store.backoff import FLAPS, Breakers
-from octoform.daemon.store.incidents import Episodes, Try
+from octoform.daemon.store.agent_budget import AgentBudget
+from octoform.daemon.store.backoff import FLAPS, Backoffs
+from octoform.daemon.store.incidents import Incidents, Try
 from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.store.memory import Memory
 from octoform.manifest.model import Daemon
@@ -34,13 +34,13 @@ def shelf(tmp_path: Path) -> Shelf:
     return Shelf(layout)
 
 
-def breakers(shelf: Shelf, boot: str = "b1", now: float = 0.0) -> Breakers:
-    found = Breakers(shelf, boot)
+def breakers(shelf: Shelf, boot: str = "b1", now: float = 0.0) -> Backoffs:
+    found = Backoffs(shelf, boot)
     found.load(now)
     return found
 
 
-def fail(found: Breakers, now: float, *, again: bool = True, chain: int = 1) -> None:
+def fail(found: Backoffs, now: float, *, again: bool = True, chain: int = 1) -> None:
     found.begin("k", "t", now)
     repairs = [Repair.RESTORE, Repair.REBUILD][:chain]
     hopeless = None if again else found.of("k").next_of(repairs)
@@ -145,7 +145,7 @@ def test_a_damaged_file_is_set_aside_and_said(shelf: Shelf, data: bytes) -> None
     found = breakers(shelf)
     assert found.all() == ()
     good = data.startswith(b'{"format":1')
-    assert [item.code for item in shelf.said_since()] == ([] if good else ["DAEMON-MEMORY-DAMAGED"])
+    assert [item.code for item in shelf.new_diagnostics()] == ([] if good else ["DAEMON-MEMORY-DAMAGED"])
     assert path.with_name("breakers.json.damaged").exists() == (not good)
     fail(found, 0.0)
     assert breakers(shelf).of("k").tries == 1
@@ -165,14 +165,14 @@ def test_a_link_is_neither_read_nor_written_through(shelf: Shelf, tmp_path: Path
 
 
 def test_episodes_survive_a_torn_line_and_go_on_counting(shelf: Shelf) -> None:
-    kept = Episodes(shelf, "b1")
+    kept = Incidents(shelf, "b1")
     first = kept.begin(FINDING, at(1.0))
     kept.tried(first, Try("restore", STAMP, True, "\x1b[31mdone", 0.5), Spent(1, 2, 3, 0.5))
     with shelf.path("episodes.jsonl").open("ab") as file:
         file.write(b'{"format":1,"id":"e2","ki')
-    later = Episodes(shelf, "b1")
+    later = Incidents(shelf, "b1")
     later.load()
-    assert [item.code for item in shelf.said_since()] == ["DAEMON-MEMORY-DAMAGED"]
+    assert [item.code for item in shelf.new_diagnostics()] == ["DAEMON-MEMORY-DAMAGED"]
     assert list(later.open) == [FINDING.key]
     assert later.open[FINDING.key].tries == [Try("restore", STAMP, True, "\\x1b[31mdone", 0.5)]
     second = later.begin(replace(FINDING, target="file:b"), at(2.0))
@@ -187,31 +187,31 @@ def test_episodes_survive_a_torn_line_and_go_on_counting(shelf: Shelf) -> None:
 def test_a_grown_file_of_episodes_is_cut_and_keeps_what_lasts(shelf: Shelf, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(incidents, "GROWN", 5000)
     monkeypatch.setattr(incidents, "KEPT", 3)
-    kept = Episodes(shelf, "b1")
+    kept = Incidents(shelf, "b1")
     kept.begin(FINDING, at(0.0))
     for number in range(20):
         other = kept.begin(replace(FINDING, target=f"file:{number}"), at(1.0))
         kept.end(other, Outcome.CLEARED, STAMP, 2.0)
-    again = Episodes(shelf, "b1")
+    again = Incidents(shelf, "b1")
     again.load()
     assert [item.id for item in incidents.read(shelf)] == ["e1", "e19", "e20", "e21"]
     assert again.begin(replace(FINDING, target="new"), at(3.0)).id == "e22"
 
 
-def run(purse: Purse, now: float, spent: Spent) -> None:
+def run(purse: AgentBudget, now: float, spent: Spent) -> None:
     entry = purse.begin(now, STAMP)
     assert entry is not None
     purse.settle(entry, spent)
 
 
 def test_the_purse_counts_a_run_before_it_is_made_and_over_boots_whatever_the_wall_clock_says(shelf: Shelf) -> None:
-    purse = Purse(shelf, "b1", 2, None)
+    purse = AgentBudget(shelf, "b1", 2, None)
     run(purse, 100.0, Spent(1, 0, 0, 0.1))
     purse.begin(200.0, STAMP)  # its daemon is killed here
-    again = Purse(shelf, "b1", 2, None)
+    again = AgentBudget(shelf, "b1", 2, None)
     again.load()
     assert again.free_at(201.0, STAMP) == 201.0 + 3600.0 - 101.0
-    rebooted = Purse(shelf, "b2", 2, None)
+    rebooted = AgentBudget(shelf, "b2", 2, None)
     rebooted.load()
     assert rebooted.free_at(10.0, "2020-01-01T00:00:00Z") is not None, "set back: still counted"
     assert rebooted.free_at(3601.0, "2020-01-01T00:00:00Z") is None, "and never for longer than an hour"
@@ -219,34 +219,34 @@ def test_the_purse_counts_a_run_before_it_is_made_and_over_boots_whatever_the_wa
 
 
 def test_an_agent_that_was_not_called_after_all_costs_nothing(shelf: Shelf) -> None:
-    purse = Purse(shelf, "b1", 1, None)
+    purse = AgentBudget(shelf, "b1", 1, None)
     run(purse, 0.0, Spent())
     assert purse.free_at(1.0, STAMP) is None
     assert json.loads(shelf.path("spend.json").read_bytes())["spent"] == []
 
 
 def test_a_run_whose_daemon_is_killed_counts_with_all_its_attempts(shelf: Shelf) -> None:
-    Purse(shelf, "b1", 4, None).begin(0.0, STAMP)
-    again = Purse(shelf, "b1", 4, None)
+    AgentBudget(shelf, "b1", 4, None).begin(0.0, STAMP)
+    again = AgentBudget(shelf, "b1", 4, None)
     again.load()
     assert again.left(1.0, STAMP) == 1
 
 
 def test_what_nobody_can_tell_counts_as_spent(shelf: Shelf) -> None:
-    run(Purse(shelf, "b1", 6, None), 0.0, Spent(1, 0, 0, 0.1))
+    run(AgentBudget(shelf, "b1", 6, None), 0.0, Spent(1, 0, 0, 0.1))
     shelf.path("spend.json").write_bytes(b'{"format": 1, "spent": [')
     for _ in range(2):  # and over restarts
-        again = Purse(shelf, "b1", 6, None)
+        again = AgentBudget(shelf, "b1", 6, None)
         again.load(10.0)
         assert again.left(11.0, STAMP) == 0 and again.free_at(11.0, STAMP) == 3610.0
-    dear = Purse(shelf, "b2", 6, 1.0)
+    dear = AgentBudget(shelf, "b2", 6, 1.0)
     run(dear, 5000.0, Spent(1, 0, 0, None))
     assert dear.free_at(5001.0, STAMP) is not None, "no one knows what it cost"
 
 
 def test_no_agent_is_asked_where_that_cannot_be_written_down(shelf: Shelf) -> None:
     shelf.path("spend.json").mkdir()
-    purse = Purse(shelf, "b1", 6, None)
+    purse = AgentBudget(shelf, "b1", 6, None)
     assert purse.begin(0.0, STAMP) is None and shelf.said
     assert purse.left(0.0, STAMP) == 6
 

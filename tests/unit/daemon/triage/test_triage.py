@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.model import Facts, FaultClass, Kind, Repair, Sighting
+from octoform.daemon.model import Facts, FaultClass, Kind, LastSeen, Repair
 from octoform.daemon.triage import Recall, failure_history, judge, remember
 from octoform.daemon.triage.agent_report import findings_of
 from octoform.endpoint.logs import LoggedCall
@@ -39,13 +39,13 @@ ONE = [
     (DEAD, Kind.PROCESS_DEAD, "endpoint", Repair.RESTART),
     (replace(WELL, answers=False), Kind.PROCESS_HUNG, "endpoint", Repair.RESTART),
     (
-        replace(WELL, told={"gate": {"stuck": [{"tool": "move", "seconds": 9.1}]}}),
+        replace(WELL, reported={"gate": {"stuck": [{"tool": "move", "seconds": 9.1}]}}),
         Kind.PROCESS_HUNG,
         "tool:move",
         Repair.RESTART,
     ),
     (
-        replace(WELL, told={"outside": {"move": {"elbow": "at 9000 raw, outside of its range"}}}),
+        replace(WELL, reported={"outside": {"move": {"elbow": "at 9000 raw, outside of its range"}}}),
         Kind.BEYOND_LIMIT,
         "tool:move",
         Repair.PERSON,
@@ -112,15 +112,15 @@ ONE = [
         "environment",
         Repair.REBUILD,
     ),
-    (replace(WELL, devices={"usb-1": Sighting(False)}), Kind.DEVICE_GONE, "device:usb-1", Repair.WAIT),
+    (replace(WELL, devices={"usb-1": LastSeen(False)}), Kind.DEVICE_GONE, "device:usb-1", Repair.WAIT),
     (
-        replace(WELL, devices={"usb-1": Sighting(True, "b", recorded="a")}),
+        replace(WELL, devices={"usb-1": LastSeen(True, "b", recorded="a")}),
         Kind.DEVICE_MOVED,
         "device:usb-1",
         Repair.REBIND,
     ),
     (
-        replace(WELL, devices={"usb-1": Sighting(True, "b", "one of 2")}),
+        replace(WELL, devices={"usb-1": LastSeen(True, "b", "one of 2")}),
         Kind.DEVICE_DOUBTFUL,
         "device:usb-1",
         Repair.PERSON,
@@ -131,7 +131,7 @@ ONE = [
     (replace(WELL, failures=failed("look", "PermissionError", times=2)), Kind.TOOL_FAILING, "tool:look", Repair.PERSON),
     (replace(WELL, failures=failed("move", "AmbiguousDevice")), Kind.DEVICE_DOUBTFUL, "tool:move", Repair.PERSON),
     (replace(WELL, failures=failed("look", "DeviceAbsent")), Kind.DEVICE_GONE, "tool:look", Repair.WAIT),
-    (replace(WELL, told={"tunnel": {"state": "not running"}}), Kind.TUNNEL_DOWN, "tunnel", Repair.WAIT),
+    (replace(WELL, reported={"tunnel": {"state": "not running"}}), Kind.TUNNEL_DOWN, "tunnel", Repair.WAIT),
 ]
 
 
@@ -180,7 +180,7 @@ def test_a_process_that_a_person_ended_is_no_crash() -> None:
 def test_a_device_that_is_gone_explains_hardware_that_went_and_tools_that_fail() -> None:
     gone = replace(
         WELL,
-        devices={"usb-1": Sighting(False)},
+        devices={"usb-1": LastSeen(False)},
         gone=("class:tty:2", "usb:v1F00p00B1"),
         appeared=("class:tty:1",),
         failures=failed("look", "DeviceAbsent") + failed("ask", "OSError", times=3),
@@ -197,13 +197,13 @@ def test_hardware_that_went_and_was_no_device_of_the_endpoint_is_discovered_agai
 
 
 def test_a_device_that_comes_back_elsewhere_is_bound_again_and_one_in_its_place_is_not() -> None:
-    before = replace(WELL, devices={"usb-1": Sighting(False, "a")})
-    back = replace(WELL, devices={"usb-1": Sighting(True, "b", recorded="a")})
+    before = replace(WELL, devices={"usb-1": LastSeen(False, "a")})
+    back = replace(WELL, devices={"usb-1": LastSeen(True, "b", recorded="a")})
     assert said(back, before) == [(Kind.DEVICE_BACK, "device:usb-1", Repair.REBIND)]
     moved = judge(back, back, remember(Recall(), back))
     assert [each.kind for each in moved] == [Kind.DEVICE_MOVED]
     assert judge(back, before)[0].key == moved[0].key
-    assert said(replace(back, devices={"usb-1": Sighting(True, "a", recorded="a")}), before) == []
+    assert said(replace(back, devices={"usb-1": LastSeen(True, "a", recorded="a")}), before) == []
 
 
 def test_a_tool_is_broken_until_it_works_again() -> None:
@@ -239,12 +239,12 @@ def test_what_a_call_said_of_a_device_is_over_once_all_of_them_are_certain(error
     known = remember(Recall(), replace(WELL, failures=failed("move", error)))
     for sightings in (
         {},
-        {"a": Sighting(None)},
-        {"a": Sighting(True), "b": Sighting(False)},
-        {"a": Sighting(True, doubt="?")},
+        {"a": LastSeen(None)},
+        {"a": LastSeen(True), "b": LastSeen(False)},
+        {"a": LastSeen(True, doubt="?")},
     ):
         assert "move" in remember(known, replace(WELL, devices=sightings)).failing, sightings
-    there = replace(WELL, devices={"a": Sighting(True), "b": Sighting(True)})
+    there = replace(WELL, devices={"a": LastSeen(True), "b": LastSeen(True)})
     assert remember(known, there).failing == {}, "no one has to move something to find out"
     assert "move" in remember(known, replace(there, failures=failed("move", error))).failing
     broken = remember(Recall(), replace(WELL, failures=failed("move", "KeyError")))
