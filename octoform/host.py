@@ -150,7 +150,7 @@ def _text(path: str, folder: int | None = None) -> str:
 
 
 def _platform(base: str) -> tuple[str, str]:
-    """(os, architecture): of the running kernel, or as the recorded tree tells; ``unknown`` where it does not."""
+    """(os, architecture): of the running kernel, or of the recorded tree; ``unknown`` where it does not."""
     if not base:
         name = os.uname()
         return name.sysname.lower(), name.machine
@@ -161,7 +161,7 @@ def _platform(base: str) -> tuple[str, str]:
 
 # Whether the system still takes in what was plugged: drivers are loaded after the kernel announced a device. (Light.)
 #
-# Whoever looks at the hardware in between sees half of it, and then sees that it changed once more. udev tells by a
+# A look at the hardware in between sees half of it, and then another change. udev shows by a
 # file whether it has something to do (libudev, udev_queue_get_udev_is_active). While a driver speaks with its new
 # device udev has nothing to do either, so only a second without work counts.
 

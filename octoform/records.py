@@ -21,7 +21,7 @@ else:
 
 
 _UNGIVEN = object()
-"""In place of an argument whose default is made anew each time."""
+"""In place of an argument whose default is made again each time."""
 
 
 def _record(cls: type[Any]) -> type[Any]:

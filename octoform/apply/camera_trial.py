@@ -64,7 +64,7 @@ def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") ->
 
 
 def _require_still(bench: Bench, tried: Tried, camera: Mapping[str, Any], where: str) -> None:
-    """Tell a frozen camera from one that cannot be determined, by further pictures."""
+    """Distinguish a frozen camera from an undetermined one, by further pictures."""
     began, first, count = bench.clock.monotonic(), None, 0
     while count < FROZEN_PICTURES or bench.clock.monotonic() - began < FROZEN_SECONDS:
         seen = _look(bench, tried, camera, where, "again")
@@ -117,7 +117,7 @@ class _ByView(Mover):
     def _stillness(self) -> list[Picture]:
         """The pictures before the movement; none when there is a finding.
 
-        The last of them are taken whatever they show: pictures that were chosen for being alike tell no noise.
+        The last of them are taken whatever they show: pictures that were chosen for being alike show no noise.
         """
         found = self._at_rest("before")
         for name in ("still", "still") if found else ():

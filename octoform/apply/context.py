@@ -84,8 +84,8 @@ class Context:
 
     ``fingerprint`` and ``hardware`` are the host's digest and entries as they were when the run began; ``contract`` is
     the digest of the schemas and rules that accepted artifacts are held to. ``purse`` counts what the run has cost,
-    ``donors`` gives what other hosts can lend (nothing, where reuse is off). ``steps`` are the privileged steps by the
-    names of their nodes (``step.arm``), under which ``specs`` has their specs too.
+    ``donors`` gives the reusable outputs of other hosts (nothing, where reuse is off). ``steps`` are the privileged
+    steps by the names of their nodes (``step.arm``), under which ``specs`` has their specs too.
     """
 
     layout: Layout

@@ -146,9 +146,9 @@ def plain(value: Any) -> Any:
     return value if _is_plain(value) else None
 
 
-# What an agent of the daemon is told of the logs: errors first, then the newest lines, bounded in bytes.
+# The excerpt of the logs that an agent of the daemon gets: errors first, then the newest lines, bounded in bytes.
 #
-# The logs themselves stay as they are. Where a model is set up for it, the lines that do not fit are told in its
+# The logs themselves stay as they are. Where a model is set up for it, the lines that do not fit are summarised in its
 # summary; a line with an error is never handed to a model in place of the agent, and what was summed up is kept beside
 # the attempt. Whatever the model does or leaves undone, the slice is there and within its bound.
 
@@ -264,7 +264,7 @@ def _redacted(text: str, secrets: Mapping[str, str]) -> str:
 
 
 def _fitting(lines: Sequence[str], size: int, shown: Callable[[str], str] = str) -> tuple[list[str], int]:
-    """The newest of the lines, as they are ``shown``, that are together at most ``size`` bytes; how many are left out.
+    """The newest of the lines, as they are ``shown``, that are together at most ``size`` bytes; how many are omitted.
 
     Only those are made fit to be shown: a log has thousands of lines.
     """
@@ -291,7 +291,7 @@ def _bounded(text: str) -> str:
 # What an agent of the daemon is given of perception: two pictures at most, and the summary of all looks.
 #
 # Each picture comes under the reading that vouches for it: the current one, and the one before it. A picture without a
-# fresh reading says nothing of now, so it is not given, and the agent is told why there is none.
+# fresh reading is no evidence about now, so it is not given, and the agent gets the reason.
 # Perception that fails is no reason not to look at everything else.
 
 FRAME, TROUBLE = "frame", "/trouble"
@@ -313,12 +313,12 @@ class CameraFrames:
 
     @property
     def perception(self) -> dict[str, Any]:
-        """What the input says of perception."""
+        """The input's member about perception."""
         return {"available": bool(self.frames), "reason": self.reason, "summary": self.summary}
 
 
 def camera_frames(layout: Layout, settings: Perception, readings: Sequence[Mapping[str, Any]]) -> CameraFrames:
-    """The pictures of the last looks, where ``readings`` (rows of an input, oldest first) tell of them."""
+    """The pictures of the last looks, where ``readings`` (rows of an input, oldest first) name them."""
     if not settings.enabled:
         return CameraFrames(reason="perception is off: no one looks through a camera")
     record, _ = read(layout)

@@ -41,7 +41,7 @@ class DutyOutcome:
             "calls": self.calls,
             "input_tokens": usage.input_tokens or 0,
             "output_tokens": usage.output_tokens or 0,
-            # A call that nobody could price is not free.
+            # A call of unknown price is not free.
             "usd": usage.cost_usd if usage.cost_usd is not None or self.calls else 0.0,
         }
         return {

@@ -31,7 +31,7 @@ from octoform.state.accepted import accept, file_digest
 from octoform.state.files import read_regular
 from octoform.state.model import NodeState, Status
 
-# What became of the tools when INTERFACE was made again: a new name for the same is told as such, not as a loss.
+# What became of the tools when INTERFACE was made again: a new name for the same is reported as such, not as a loss.
 
 STAGE = "interface"
 MOST = 3
@@ -189,7 +189,7 @@ def _run(context: Context, node: Node, action: PlannedAction, again: _Again | No
     if node.kind is NodeKind.ENDPOINT:
         return run_endpoint(context, again=action.action is Action.REPLACE)
     if node.kind is NodeKind.STEP:
-        # Imported here: most manifests name no step, and to load its trials and cameras takes long.
+        # Imported here: most manifests name no step, and loading its tests and cameras takes long.
         from octoform.apply.privileged_step import run_step
 
         return run_step(context, node.name)

@@ -45,7 +45,7 @@ class Guarded:
 
     No folder of ``rooms`` may get another entry, and none of ``starts`` another file that an interpreter runs at its
     start; an entry in ``home`` is reported, and a change of a file of ``noted``. What is ``installed``, a file or a
-    room, is reported and never put back. ``spared`` tells, at the beginning and at the end, where another run is at
+    room, is reported and never put back. ``spared`` names, at the beginning and at the end, where another run is at
     work.
     """
 
@@ -276,7 +276,7 @@ def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
 
 
 def _may_be_link(place: Path) -> bool:
-    """Whether a link is there, or what is there cannot be told."""
+    """Whether a link is there, or what is there is unknown."""
     try:
         return stat.S_ISLNK(os.lstat(place).st_mode)
     except (FileNotFoundError, NotADirectoryError):
@@ -324,7 +324,7 @@ def _new(watch: Watch, folder: Path, undone: Path) -> list[Diagnostic]:
             except OSError as problem:
                 if problem.errno != errno.ENOTEMPTY:
                     raise
-                found += _taken(watch, path, undone)  # what is nested so deep that nobody has looked
+                found += _taken(watch, path, undone)  # what is nested too deep to be read
                 continue
             if not found:
                 found.append(_touched(watch, path, None))
@@ -358,7 +358,7 @@ def _shared(path: Path) -> Diagnostic:
 def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
     """What has become of a file, out of its place; None when nothing can be kept of it, or there is no room.
 
-    A folder is moved, so that nothing of a person's is lost; a link is told by a file that holds its target.
+    A folder is moved, so that nothing of a person's is lost; a link is recorded as a file with its target.
     """
     there = _look(path)
     if there is None or (there.kind == "other" and not path.is_dir()):
@@ -371,7 +371,7 @@ def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
         else:
             files.replace(copy, there.data, 0o644, synced=False)
     except (OSError, RecursionError):
-        return None  # the agent has filled the disk or made away with its folder; both are told elsewhere
+        return None  # the agent has filled the disk or made away with its folder; both are reported elsewhere
     return copy
 
 
@@ -457,7 +457,7 @@ def _restore(watch: Watch, path: Path, before: _There | None) -> None:
             parent.unlink(missing_ok=True)
             parent.mkdir()
     if before is not None and before.kind == "closed":
-        return  # nobody knows what stood there; that it can be seen now is told
+        return  # the former content is unknown; that the file can be read now is reported
     _clear(path)
     if before is None or before.kind == "other":
         return

@@ -42,7 +42,8 @@ from octoform.records import dataclass
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
 
-# What a repair has replaced, kept until nobody can want it back: one file for each episode, on this machine alone.
+# What a repair has replaced, kept for a rollback until it is of no use: one file for each episode, on this machine
+# alone.
 #
 # The copy is written before anything of the artifacts changes, by octoform and not by the agent. Several repairs of one
 # episode are one way back: to the server that was accepted when the episode began.
@@ -84,7 +85,7 @@ def keep(layout: Layout, healed: Healed) -> Diagnostic | None:
 
 
 def read(layout: Layout, episode: str) -> Healed | None:
-    """The repair of an incident; None where there is none, or what is there is not whole (it is set aside then)."""
+    """The repair of an incident; None where there is none, or what is there is not whole (it is moved away then)."""
     path = _path(layout, episode)
     data, _ = read_regular(path)
     if data is None:
@@ -150,7 +151,7 @@ REWRITE = "rewrite"
 
 @dataclass(frozen=True, slots=True)
 class Case:
-    """One error to be fixed: as WATCH or triage told it, in which incident, and what a repair of it may touch."""
+    """One error to be fixed: as WATCH or triage reported it, in which incident, and what a repair of it may touch."""
 
     episode: str
     target: str
@@ -180,7 +181,7 @@ def heal(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
     try:
         finished = fulfil(context, asked)
     except BaseException:
-        # Nobody waits for the proof any more: what was only being tried is not left in service.
+        # The proof is no longer awaited: what was only being tried is not left in service.
         promotion.put_back(context, smoke=False)
         raise
     finished = paid(context, HEAL, finished, given)

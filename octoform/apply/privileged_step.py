@@ -1,6 +1,6 @@
 """A privileged step: for the one device that the evidence matches, an agent reports what to try; octoform tries it.
 
-A step runs for a device that IDENTIFY annotated with the step's profile and for which that profile holds by octoform's
+A step runs for a device that IDENTIFY identified with the step's profile and for which that profile holds by octoform's
 own evaluation. Without such a device nothing runs at all. With several of them no one could say which one a tool
 would move, so the step is refused and names them.
 """
@@ -35,7 +35,7 @@ from octoform.records import dataclass
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import write_atomic
 
-# The gate of a privileged step: its artifact, a server that it rewrote, and then the trials on the hardware itself.
+# The gate of a privileged step: its artifact, a server that it rewrote, and then the hardware tests.
 #
 # Cheap judgement comes first: schema and rules, then the rewritten server as text, its import, the endpoint with it.
 # Only what passes all of that may move anything.
@@ -200,7 +200,7 @@ def run_step(context: Context, node: str) -> Finished:
     try:
         return fulfil(context, _assignment(context, ground))
     except BaseException:
-        # Nobody waits for the proof any more: what was only being tried is not left in service.
+        # The proof is no longer awaited: what was only being tried is not left in service.
         promotion.put_back(context)
         raise
 

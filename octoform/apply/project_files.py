@@ -1,4 +1,4 @@
-"""Sizes and times of a project's files, by which a change is seen that is told and left; what folders and links hold.
+"""Sizes and times of a project's files, that show a change that is reported and left; what folders and links hold.
 
 Of what other programs fill all the time, such as a repository, an environment or a cache, only that the folder is
 there: a person or a program may be at work in it.

@@ -94,7 +94,7 @@ _NOTED_OF_A_LOGIN = (
     *(".codex/config.toml", ".cursor/mcp.json", ".config/opencode/opencode.json", ".config/opencode/opencode.jsonc"),
     *(f".config/Code/User/{name}.json" for name in ("settings", "mcp", "tasks")),
 )
-"""Settings that name programs, and that the programs of a person write themselves: told, and left."""
+"""Settings that name programs, and that the programs of a person write themselves: reported, and left."""
 _NOTED_OF_THE_MACHINE = (
     *("/etc/crontab", "/etc/cron.d", "/etc/cron.hourly", "/etc/cron.daily", "/etc/cron.weekly", "/var/spool/cron"),
     *(
@@ -107,7 +107,7 @@ _NOTED_OF_THE_MACHINE = (
     ),
     *("/etc/systemd/system", "/etc/systemd/user", "/etc/udev/rules.d", "/etc/sudoers", "/etc/sudoers.d"),
 )
-"""What root's agent could leave to be run; packages that are being installed change it as well: told, and left."""
+"""What root's agent could leave to be run; packages that are being installed change it as well: reported, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
 _PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
@@ -351,7 +351,7 @@ UNDONE = "undone"
 class Guard:
     """What lay there when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
 
-    ``specs`` are those that come with octoform, ``installation`` is what tells one installation of it from another.
+    ``specs`` are those that come with octoform, ``installation`` identifies one installation of it.
     ``crontab`` lists what is run for the person by the clock, ``scheduled`` is what that was.
     """
 
@@ -377,12 +377,12 @@ class Guard:
             rooms = {room: names for room, names in watch.rooms.items() if room != self.layout.attempts}
             watch = replace(watch, guarded=guarded, rooms=rooms)
         if _installation() == self.installation:
-            # Nobody has brought it up to date meanwhile, so a difference is the agent's.
+            # It was not brought up to date meanwhile, so a difference is the agent's.
             watch = replace(watch, installed=watch.installed - self.specs)
         return [*file_integrity.end(watch, undone), *self._moved(), *self._rescheduled()]
 
     def _rescheduled(self) -> list[Diagnostic]:
-        """The file of an ordinary user's crontab is closed to them, so only its program can tell."""
+        """The file of an ordinary user's crontab is closed to them, so only its program can read it."""
         if self.crontab() == self.scheduled:
             return []
         summary = "your crontab was changed while the agent ran; it was left as it is"

@@ -1,7 +1,7 @@
 """What a test may do with the hardware: call a tool of the live endpoint, and look at what it moves.
 
 Both go through the endpoint as any client's calls do, so that policy, limits, emergency stop and audit hold for them.
-The person who switched the step on in the manifest has said yes to its movements; nothing else is agreed to.
+The person who switched the step on in the manifest has approved its movements; nothing else is agreed to.
 """
 
 from collections.abc import Mapping
@@ -53,7 +53,7 @@ class Hand(Protocol):
 
 
 class _Beforehand(NoTerminal):
-    """The person who has switched the step on: asked by the endpoint, they have said yes."""
+    """The person who has switched the step on: their approval answers the endpoint's question."""
 
     def approves(self, *_: object) -> bool | None:
         """Yes, whatever the call: the endpoint asks only where the policy lets it."""
@@ -94,9 +94,11 @@ _OF_THE_CALL = frozenset({_TIMEOUT, "ENDPOINT-UNKNOWN-TOOL", "ENDPOINT-BAD-ARGUM
 """Problems of one call, which another call need not have."""
 
 
-# What a trial switches on by the way is put back: a unit that was limp before it is not left holding, and warming up.
+# What a hardware test switches on by the way is put back: a unit that was limp before it is not left holding, and
+# warming up.
 #
-# What that is, how it is read and how it is set says the trial itself; here it is a number or a boolean like any other.
+# The hardware test itself defines what that is and how it is read and set; here it is a number or a boolean like any
+# other.
 
 Value = bool | int | float
 

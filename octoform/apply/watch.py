@@ -99,7 +99,7 @@ def judge_of(known: Artifacts, given: Given) -> Judge:
 
 
 def calls_of(brief: Mapping[str, Any]) -> int | None:
-    """How many calls the hour has left, as a daemon tells it that asks while there is one; None: no one counts."""
+    """How many calls the hour has left, as reported by the daemon that asks, if there is one; None: no one counts."""
     calls = brief.get("calls")
     return max(1, calls) if isinstance(calls, int) and not isinstance(calls, bool) else None
 
@@ -140,7 +140,7 @@ def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Give
 
 
 def _prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
-    """Nothing has to be run: the contract has said all."""
+    """Nothing has to be run: the contract has checked all."""
     return Verdict(
         diagnostics=tuple(found),
         value=value,

@@ -1,7 +1,7 @@
 """One way to replace a file and one way to read one that may be a trap.
 
 A process that is killed, a disk that is full or a power cut must never leave half a file, and whatever is in the
-place of a file (a pipe, a device, a link, gigabytes, JSON without end) must never hold up or end whoever reads it. So
+place of a file (a pipe, a device, a link, gigabytes, JSON without end) must never hold up or end its reader. So
 a file is replaced by a complete and synced one, read only where it is a regular file of a sane size, and every
 refusal is an OSError or a ValueError with a reason for a person. Standard library only.
 """
@@ -129,7 +129,7 @@ def create(path: Path, data: bytes, mode: int = 0o600, *, synced: bool = True, d
 
 
 def make_way(path: Path) -> None:
-    """Set what is in the place of a file of ours and is none (a folder, a pipe, a link) aside, by another name.
+    """Rename what is in the place of a file of ours and is none (a folder, a pipe, a link).
 
     A folder may hold what somebody misses. Only for places that octoform alone writes; where a person named the place,
     what is there is theirs.

@@ -112,7 +112,7 @@ class ProcessStat(NamedTuple):
 
     @property
     def is_stopped(self) -> bool:
-        """Whether it stands still because a signal or a debugger told it to."""
+        """Whether it stands still because of a signal or a debugger."""
         return self.state in "Tt"
 
 
@@ -120,7 +120,7 @@ def process_stat(pid: int, proc: Path = PROC) -> ProcessStat | None:
     """What there is of a process now; None when there is none, or where there is no /proc."""
     try:
         text = _whole(proc, pid, "stat").decode(errors="replace")
-        # The command name stands in parentheses and may hold anything, parentheses and blanks too.
+        # The command name is in parentheses and may hold anything, parentheses and blanks too.
         fields = text[text.rindex(")") + 2 :].split()
         return ProcessStat(fields[0], int(fields[1]), int(fields[2]), int(fields[17]), int(fields[19]))
     except (OSError, ValueError, IndexError):

@@ -18,7 +18,7 @@ _LEAST_UNFORESEEN = 3
 _LONGEST_STRIDE = 4
 _ORDER = "0123456789abcdefghijklmnopqrstuvwxyz"
 _WORDS = re.compile(r"[a-z]+|[0-9]+")
-# Words that stand in for a number, or before one.
+# Words in place of a number, or before one.
 _PLACEHOLDERS = frozenset(
     (
         *("adapter", "applicable", "asset", "assigned", "available", "be", "board", "bridge", "build", "by", "chassis"),
@@ -82,7 +82,7 @@ def is_placeholder(serial: str) -> bool:
 
 
 def weight(serial: str, texts: Iterable[str] = ()) -> int:
-    """How much a number says, NONE to UNIQUE; ``texts`` is what the device says of its kind: product, maker, ids."""
+    """How well a number identifies, NONE to UNIQUE; ``texts`` are the texts of the device's kind: product, maker."""
     number = _number(serial)
     if not any(map(str.isdecimal, number)) or len(set(number)) < 2 or _names_kind(serial, number, texts):
         return NONE
@@ -115,7 +115,7 @@ def _plain(serial: str) -> str:
 
 
 def _names_kind(serial: str, number: str, texts: Iterable[str]) -> bool:
-    """Whether it repeats what the device says of its kind, or the first word of that, such as the name of its chip."""
+    """Whether it repeats the device's text of its kind, or the first word of that, such as the name of its chip."""
     texts = list(texts)
     first = {bare(word) for text in texts for word in text.split()[:1]}
     kind = {bare(text) for text in texts} | {word for word in first if len(word) >= _LEAST_NAME}

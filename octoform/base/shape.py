@@ -1,4 +1,4 @@
-"""Whether a JSON value has the form that its reader stands on, told before any of it is used.
+"""Whether a JSON value has the form that its reader stands on, checked before any of it is used.
 
 A reader that finds a word where a list should be would otherwise end with a traceback, far from the file that is
 damaged. For records of octoform's own; what agents write is held against its schema. Standard library only.

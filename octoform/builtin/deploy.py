@@ -28,7 +28,7 @@ from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.task import Task, TaskRefused
 from octoform.records import dataclass
 
-# What a server's text says about itself: the dependencies in its header (PEP 723) and the modules that it imports.
+# What a server's source declares: the dependencies in its header (PEP 723) and the modules that it imports.
 
 _BLOCK = re.compile(r"(?m)^# /// script\r?\n((?:^#(?: .*)?\r?\n)+?)^# ///\s*$")
 _REQUIREMENT = re.compile(r"^\s*([A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)\s*(?:\[[^\]]*\]\s*)?([^@/]*)$")

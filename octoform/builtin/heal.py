@@ -8,7 +8,7 @@ from octoform.builtin.task import Task, TaskRefused
 # The duty: one error in, the one action of its class out.
 #
 # The embedded agent writes its servers from rules, so there is nothing that it would write otherwise: an error in the
-# code of a tool is honestly handed to a person. All other classes are mended without a look at the code.
+# code of a tool is honestly handed to a person. All other classes are repaired without a look at the code.
 
 _ACTIONS = {
     "dependency": ("redeploy", "a library of the serving environment is missing or does not load"),

@@ -46,8 +46,9 @@ from octoform.builtin.task import Task
 
 # Makes a device unknown whose name the stage's contract would refuse, so that one string never ends an onboarding.
 #
-# The agent knows the rule from the spec, in its own terms: a name that says only how a product is wired names no
-# product. It is judged on the final annotation, whoever gave the name: strings, a database, an answer, a profile.
+# The agent knows the rule from the spec, in its own terms: a name that gives only how a product is wired names no
+# product. It is judged on the final annotation, whatever the source of the name: strings, a database, an answer, a
+# profile.
 
 _MISSING = "The name that it goes by shows only how it is wired; what is this device, by maker and model?"
 _ASKED = "Its own strings could not be taken unchanged; what is this device, by maker and model?"
@@ -267,7 +268,7 @@ def annotate(device: Device, claims: list[Claim]) -> dict[str, Any]:
     first = claims[0]
     named = identity(device, first)
     if names_wires(named.name, device.raw) and not names_wires(first.noun, device.raw):
-        named = Identity(first.noun, NOTHING, "kernel_class")  # its string says how it is wired; its class what it is
+        named = Identity(first.noun, NOTHING, "kernel_class")  # its string gives its wiring; its class what it is
     named, category = _composed(device, claims, _with_drivers(device, named))
     annotation: dict[str, Any] = {
         "id": device.id,
@@ -290,7 +291,7 @@ def _confidence(device: Device, named: Identity, claims: list[Claim]) -> float:
     """How sure the name is, once it is held against what is cited for it and against what the kernel shows."""
     shown = bool(device.classes or device.pci_class or device.interfaces)
     if named.method == "kernel_class" and not shown:
-        return min(named.confidence, CLASS_ONLY)  # no class of the kernel: its bus or its driver alone says so
+        return min(named.confidence, CLASS_ONLY)  # no class of the kernel: only its bus or its driver shows it
     if any(claim.kind == "gnss" and claim.capabilities for claim in claims) and named.method == "descriptor_strings":
         return max(named.confidence, SAID)  # the strings say what it is, whichever model
     return named.confidence if is_borne_out(named, claims[0].evidence) else min(named.confidence, CLASS_ONLY)

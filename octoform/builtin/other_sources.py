@@ -63,7 +63,7 @@ def leave(device: Device) -> Leave:
 def claim_named(device: Device) -> Claim | None:
     """A USB device whose own strings name a product, though nothing shows what kind of thing it is.
 
-    What it is called is known, and that it speaks a language of its own; what it does, a profile tells. A loader's or
+    What it is called is known, and that it speaks a language of its own; a profile defines what it does. A loader's or
     a reference design's string names no product, nor does that of a chip.
     """
     if device.bus != "usb" or not device.product or not device.interfaces:
@@ -98,7 +98,7 @@ def unknown(device: Device) -> Claim:
     return Claim("unknown", UNKNOWN, "USB device", tuple(evidence), missing=_MISSING)
 
 
-# A device that a person spoke of: it is what the sentence says, and does no more than the kernel's classes show.
+# A device that a person spoke of: it is what the sentence names, and does no more than the kernel's classes show.
 #
 # An answer supplies a name where the evidence gives none. It is no proof of an interface, so nothing becomes possible
 # by it; and where the device names itself the sentence only joins the evidence. It is data: it is shortened and
@@ -109,13 +109,13 @@ MOST_EVIDENCE = 6
 _LEAD = re.compile(r"^(?:(?:this|it|that)(?: is|'s)\s+)?(?:(?:the|a|an|my|our)\s+)?", re.IGNORECASE)
 _END = re.compile(r"[.;!?](?:\s|$)|\n")
 _BESIDE = re.compile(r"\s(?:of|for|with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
-# What the wire is; a sentence that names only the wire tells of no product behind it.
+# What the wire is; a sentence that names only the wire names no product behind it.
 _WIRES = frozenset(
     ("serial", "uart", "usart", "rs232", "rs422", "rs485", "ttl", "bridge", "i2c", "smbus", "spi", "jtag", "vcp")
 )
 _PLUGS = frozenset(("adapter", "adaptor", "converter", "bridge", "cable", "dongle", "chip"))
 
-# What moves is told by the last word of its name: a camera's rail is a rail, whatever it carries.
+# The last word of a name identifies what moves: a camera's rail is a rail, whatever it carries.
 _MOVERS = frozenset(
     (
         "arm",
@@ -182,10 +182,12 @@ def _answer_evidence(device: Device, known: dict[str, Any], sentence: str) -> li
     return [*answer, *shown][:MOST_EVIDENCE]
 
 
-# A device for which a profile of the owner holds: it is that product, and does what the profile's grammar says.
+# A device for which a profile of the owner holds: it is that product, and does what the profile's protocol definition
+# has.
 #
 # octoform itself evaluated for which devices a profile holds; the task names them. What the kernel shows of the device
-# stays evidence; what it can do through the kernel's own classes stays a capability where there is no grammar.
+# stays evidence; what it can do through the kernel's own classes stays a capability where there is no protocol
+# definition.
 
 _CLASSES = ("line_protocol", "register_bus")
 
@@ -199,7 +201,7 @@ def product(device: Device, judged: dict[str, Any] | Leave, profiles: Profiles) 
     own = known.get("capabilities", []) if known.get("category") not in (None, INFRASTRUCTURE, UNKNOWN) else []
     grammar = profile.get("grammar") or {}
     spoken = [_capability(profile, command) for command in grammar.get("commands", ())]
-    capabilities = spoken or own  # a description is closed: the device does what stands in it and nothing else
+    capabilities = spoken or own  # a description is closed: the device does what it lists and nothing else
     return {
         "id": device.id,
         "identified_as": str(profile["product"])[:300],

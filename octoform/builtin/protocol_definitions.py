@@ -13,7 +13,7 @@ Profiles = Iterable[Mapping[str, Any]]
 
 
 def holding(profiles: Profiles, device: str) -> Mapping[str, Any] | None:
-    """The profile that holds for a device: the first that has a grammar, else the first; None for most devices."""
+    """The profile that matches a device: the first with a protocol definition, else the first; mostly None."""
     found = [profile for profile in profiles if device in profile.get("holds", ())]
     return next((profile for profile in found if profile.get("grammar")), found[0] if found else None)
 

@@ -1,7 +1,7 @@
 """The tools of a product's grammar: exactly one for each command, with its name, its effect and its parameters.
 
-Bounds are those of the grammar, narrowed by the limits of its profile, and stand in the schema as well as in the
-tool's limits, so that a client sees what the endpoint enforces.
+Bounds are those of the protocol definition, narrowed by the limits of its profile, and are in the schema as well as in
+the tool's limits, so that a client sees what the endpoint enforces.
 """
 
 import re
@@ -12,9 +12,9 @@ from octoform.builtin.protocol_definitions import Profiles, commands, parameters
 from octoform.builtin.task import TaskRefused
 from octoform.builtin.tool_model import FLAG, NUMBER, TEXT, WHOLE, Kind, Schema, listing, maybe, one_of, record
 
-# What the tools of a product's grammar answer, as schemas and in the sentences of their descriptions.
+# The answers of a protocol definition's tools, as schemas and in the sentences of their descriptions.
 #
-# An answer of a line is what was said, or the typed fields of its pattern. An answer about units on a register bus is
+# An answer of a line is the raw line, or the typed fields of its pattern. An answer about units on a register bus is
 # one record for each unit, whose members are null where the unit was skipped.
 
 DONE = record("LineDone", device=TEXT, command=TEXT, answer=TEXT)
@@ -107,7 +107,7 @@ def _words(name: str) -> str:
     return "".join(word.capitalize() for word in name.split("_"))
 
 
-# Which units of a device a tool acts on, as the grammar of its profile says: joints on a bus, axes of a rail.
+# Which units of a device a tool acts on, by the protocol definition of its profile: joints on a bus, axes of a rail.
 #
 # The endpoint needs it to hold a restriction or a range of one unit whichever tool reaches that unit.
 
@@ -140,7 +140,7 @@ def _of_bank(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, A
 
 
 def _reports(bank: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, Any]:
-    """Where the answer says at which place the units stand."""
+    """The member of the answer with the positions of the units."""
     unit = str(bank["unit"])
     records = {} if command["do"] == "move_unit" else {"records": f"{unit}s"}
     return {"field": "position", **records, "unit": unit, "within": OFF}
@@ -174,7 +174,7 @@ _TYPES = {"integer": WHOLE, "number": NUMBER, "string": TEXT, "boolean": FLAG}
 
 
 def kinds(profiles: Profiles, taken: Mapping[str, Kind]) -> dict[str, Kind]:
-    """A kind of tool for each command of each grammar; TaskRefused for a name that the catalog has already."""
+    """A tool for each command of each protocol definition; TaskRefused for a name that the catalog has already."""
     found = {}
     for name, (profile, command) in commands(profiles).items():
         if name in taken:

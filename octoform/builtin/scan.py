@@ -1,8 +1,8 @@
-"""The host's own scan beside another agent's PROBE: what the host shows, and which of that agent's words it never says.
+"""The host's own scan beside another agent's PROBE: what the host shows, and which of that agent's words it lacks.
 
 The output is an object with ``probe`` (this agent's artifact), ``unsaid``: for each text of the other's devices the
-words that stand nowhere in what the system tells of that device (its attributes, its folders, udev's record of it, the
-id databases), and ``untrue``: the scans that are said to have worked, with a program that is not here. Only devices
+words that are nowhere in the system's facts of that device (its attributes, its folders, udev's record of it, the
+id databases), and ``untrue``: the scans that are reported as worked, with a program that is not here. Only devices
 with a folder in sysfs are held to their words; attributes are read for those alone of which a word was not found in
 this agent's own descriptor. Who compares the two, and what follows from it, is not known here.
 """
@@ -32,7 +32,7 @@ _VERSION = re.compile(r"(?<![\w.])v?(\d+(?:\.\d+)+)(?![\w.])")
 _CODE = re.compile(r"(?<![\w/])([0-9a-f]{1,2})/([0-9a-f]{1,2})/([0-9a-f]{1,2})(?![\w/])")
 _PCI_CODE = re.compile(r"(?m)^class_code: 0x([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})$")
 _AMOUNT = re.compile(r"([0-9]+)(?:x|v|w|ma|mw|hz|khz|mhz|ghz|kb|mb|gb|kib|mib|gib|m|g|mbps|gbps|bit|bits)")
-# How the parts of a device are called whatever it is: no word of these tells what it does.
+# How the parts of a device are called whatever it is: no word of these shows what it does.
 _STRUCTURE = frozenset(
     (
         *("address", "alias", "attribute", "bcd", "bcddevice", "bcdusb", "bconfigurationvalue"),
@@ -66,7 +66,7 @@ _OWN_ATTRIBUTES = frozenset(
     ("serial", "serial_number", "uniq", "address", "wwid", "uuid", "eui", "nguid", "cid", "unique_id")
 )
 _OWN_KEY = re.compile(r"(?:.*_)?(?:serial(?:_.*)?|uniq|address|uuid|wwid)")
-# Programs that list hardware; whoever says that one of them worked ran it.
+# Programs that list hardware; an agent that reports one as worked has run it.
 _PROGRAMS = frozenset(
     (
         *("lsusb", "lspci", "lshw", "dmidecode", "hwinfo", "inxi", "i2cdetect", "v4l2-ctl", "arecord", "aplay"),

@@ -1,4 +1,4 @@
-"""A privileged step: what is to be tried so that the tools of a device prove themselves, from the profile's grammar."""
+"""A privileged step: the hardware tests that prove the tools of a device, from the profile's protocol definition."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -23,7 +23,8 @@ def best(cameras: Sequence[Mapping[str, Any]]) -> Mapping[str, Any]:
     return ranked[0]
 
 
-# Trials of a product that is driven by lines of text: each axis goes a bounded way, and the camera sees it or not.
+# Hardware tests of a product that is driven by lines of text: each axis goes a bounded way, and the camera sees it or
+# not.
 #
 # Only a movement that is counted from where the product stands can be undone without knowing where that is.
 
@@ -68,7 +69,7 @@ def _unit(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> str:
     return next((str(name) for name, axis in axes.items() if axis["tool"] == command["tool"]), str(command["tool"]))
 
 
-# Trials of a product that is driven by registers: each enabled unit goes a little way at a low speed, and back.
+# Hardware tests of a product that is driven by registers: each enabled unit goes a little way at a low speed, and back.
 #
 # The way is small enough to be safe wherever the unit stands and four times what has to be seen; octoform takes it in
 # the direction that has more room, which is towards the middle. The last unit comes first: of an arm that is the
@@ -81,7 +82,7 @@ _READS = ("read_unit", "read_units")
 
 
 def register_tests(given: Mapping[str, Any], grammar: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """One trial for each unit of the grammar that is not disabled; TaskRefused without a tool to move or read one."""
+    """One test for each unit of the definition that is not disabled; TaskRefused without a tool to move or read one."""
     registers = grammar["registers"]
     offered = {tool["name"]: tool for tool in given["tools"]}
     unit = registers.get("unit", "unit")
@@ -119,7 +120,7 @@ def disabled(grammar: Mapping[str, Any]) -> list[dict[str, str]]:
 def _restore(
     given: Mapping[str, Any], grammar: Mapping[str, Any], offered: Mapping[str, Any], name: str
 ) -> dict[str, Any] | None:
-    """How a unit is made limp again that was limp before; None where no tool tells it or sets it.
+    """How a unit is made limp again that was limp before; None where no tool reads it or sets it.
 
     Only a field that is 0 when the unit is limp can be handed on as it was read: any other value means that it holds.
     """
@@ -177,14 +178,14 @@ def _device(given: Mapping[str, Any], tool: Mapping[str, Any]) -> dict[str, str]
     return {"device": given["device"]["id"]} if "device" in tool["input_schema"].get("properties", {}) else {}
 
 
-# The stage: the step's input in, its trials out. It moves nothing: octoform carries the trials out.
+# The stage: the step's input in, its hardware tests out. It moves nothing: octoform carries the tests out.
 #
-# The embedded agent never rewrites a server: its tools are made from the same grammar, so there is nothing that it
+# The embedded agent never rewrites a server: its tools are made from the same definition, so there is nothing that it
 # would write otherwise. What it cannot prove it refuses, with the reason.
 
 
 def run(task: Task) -> str:
-    """Write the step's output; the summary line (``5 trials, 1 unit skipped``).
+    """Write the step's output; the summary line (``5 tests, 1 unit skipped``).
 
     TaskRefused states why there is none.
     """

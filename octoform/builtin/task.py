@@ -38,7 +38,7 @@ class Task:
     ``input`` is the preceding stage's artifact (None for PROBE), ``schema`` the JSON Schema of the output where it
     has one, ``tools_budget`` the most tools that INTERFACE may declare, ``sysroot`` the folder whose sys, proc, dev
     and run are the host (``/`` unless the environment names a recorded one). ``profiles`` are the owner's knowledge of
-    products, each with the devices that it ``holds`` for, and ``answers`` what a person said of a device, by its id.
+    products, each with the devices that it ``holds`` for, and ``answers`` a person's answers about devices, by id.
     ``refused`` are the entries of ``devices`` in the output of the attempt before that were refused, as they were.
     """
 

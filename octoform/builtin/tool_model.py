@@ -9,7 +9,7 @@ from octoform.records import dataclass
 # Writes JSON Schemas in few words, in exactly the form that the generated server's own types give.
 #
 # A record's ``title`` is the name of the class that the server makes of it; two records of one title must be equal.
-# Units stand in the names of members (``size_bytes``) or beside the value (``unit``).
+# Units are in the names of members (``size_bytes``) or beside the value (``unit``).
 
 Schema = dict[str, Any]
 
@@ -30,7 +30,7 @@ def listing(items: Schema) -> Schema:
 
 
 def maybe(value: Schema) -> Schema:
-    """A value that the device may not tell."""
+    """A value that the device may not report."""
     return {"anyOf": [value, {"type": "null"}]}
 
 

@@ -1,4 +1,4 @@
-"""How a deployment is, told by rules alone: the class of an error from the kind of the exception and its words."""
+"""The status of a deployment by rules alone: the class of an error from the kind of the exception and its words."""
 
 import re
 from collections.abc import Iterator, Mapping, Sequence
@@ -88,8 +88,8 @@ def _rows(document: Row, name: str) -> tuple[Row, ...]:
 
 # The class of a failure, from the kind of its exception and its words; ``none`` where these do not decide.
 #
-# A class starts a repair. So only what is certain is said: code that names what a library lacks is wrong, a module that
-# does not load is missing; whatever a device, a cable or a right may be at fault for is for a person.
+# A class starts a repair. So only certain classes are reported: code that names what a library lacks is wrong, a module
+# that does not load is missing; whatever a device, a cable or a right may be at fault for is for a person.
 
 DEPENDENCY, BROKEN_TOOL, CORRUPTED_FILE = "dependency", "broken_tool", "corrupted_file"
 DEVICE_MOVED, NONE = "device_moved", "none"
@@ -136,7 +136,7 @@ def _words(failure: Mapping[str, Any], name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-# The duty: readings and failures in, a report out. No model reads the log, so nothing that stands there can persuade.
+# The duty: readings and failures in, a report out. No model reads the log, so no text in it can persuade.
 #
 # The embedded agent makes no claim and declares nothing: these need judgement. What its rules do not decide has the
 # class ``none`` and goes to a person.

@@ -20,7 +20,7 @@ from octoform.records import dataclass
 
 # A claim as somebody would like it: checked for its shape here, for its truth by the ledger. Light.
 #
-# Agents write proposals as JSON. What does not have the form is told as CLAIM-MALFORMED and nothing of it is used.
+# Agents write proposals as JSON. What does not have the form is reported as CLAIM-MALFORMED and nothing of it is used.
 
 DECLARATIONS = ("terminal_lock", "disable_unit", "fire_risk")
 EFFECTS = ("deny", "confirm")
@@ -412,7 +412,7 @@ def _ratchet(case: _Case) -> Diagnostic | None:
 
 
 def _always_so(case: _Case) -> Diagnostic | None:
-    """A condition that has never been otherwise would restrict permanently, and no one could tell that it is over."""
+    """A condition that has never been otherwise would restrict permanently, and its end could not be observed."""
     condition, signal = case.condition, case.evidence.signal
     if not case.proposal.restrictions or signal.channel in _ABOUT_THEMSELVES:
         return None
@@ -442,7 +442,7 @@ def _room(claims: Sequence[Claim], most: int) -> Diagnostic | None:
 
 
 def key_of(restriction: Restriction) -> tuple[str, str, str]:
-    """What tells one restriction from another."""
+    """The identity of a restriction."""
     arguments = sorted((name, repr(value)) for name, value in restriction.arguments.items())
     return restriction.tool, repr(arguments), restriction.effect
 

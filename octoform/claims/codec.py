@@ -1,6 +1,6 @@
-"""Claims as JSON and the file that keeps them; a damaged, newer or foreign one is said, set aside, not believed. Light.
+"""Claims as JSON and the file that keeps them; a damaged, newer or foreign one is reported and moved away. Light.
 
-A restriction that nobody can justify is no restriction: without the ledger nothing says which reading a claim stands
+A restriction without evidence is no restriction: only the ledger has which reading a claim stands
 on, so none is in force, and what the profile and the manifest limit stands as it did. What a person made true stands
 in the endpoint's file too and is taken from there.
 """
@@ -40,7 +40,7 @@ class Book:
 
 @dataclass(frozen=True, slots=True)
 class Read:
-    """A file as it was read. ``boot`` is the start of the machine that it speaks of; ``said`` what is wrong."""
+    """A file as it was read. ``boot`` is the start of the machine that it is from; ``said`` lists what is wrong."""
 
     book: Book
     boot: str = ""
@@ -48,7 +48,7 @@ class Read:
 
 
 def read(path: Path) -> Read:
-    """The book at ``path``, empty when there is none; one that cannot be used is set aside."""
+    """The book at ``path``, empty when there is none; one that cannot be used is moved away."""
     data, problem = read_regular(path, SIZE_LIMIT)
     if problem is None and data is None:
         return Read(Book())
@@ -60,7 +60,7 @@ def read(path: Path) -> Read:
             problem = _damaged(path, f"{type(wrong).__name__}: {wrong}")
     assert problem is not None
     aside = path.with_name(f"{path.name}.aside")
-    with contextlib.suppress(OSError):  # what cannot be moved is replaced by the next write, or that says why not
+    with contextlib.suppress(OSError):  # the next write replaces it or reports why not
         move(path, aside)
     return Read(Book(), said=(problem,))
 

@@ -1,7 +1,7 @@
 """The ledger of claims: what is believed of the deployment, why, and until when. Several processes may use it. Light.
 
 Every public operation takes the ledger's lock, reads what another process changed, does its work and writes it down
-before it answers. A claim is in force only while the reading that carries it is fresh; a reading that says otherwise
+before it answers. A claim is in force only while the reading that carries it is fresh; a reading that contradicts it
 ends it at once, no matter who made it. What a person made true ends by a person alone.
 """
 
@@ -30,7 +30,7 @@ from octoform.state.files import display
 from octoform.state.layout import Layout
 from octoform.state.store.lock import myself
 
-# What the ledger says when it does not do what it was asked, and when somebody has changed its files. Light.
+# The ledger's diagnostics when it does not do what it was asked, and when somebody has changed its files. Light.
 
 
 def over_problem(claim: Claim) -> Diagnostic:
@@ -80,8 +80,8 @@ _NOWHERE = Signal(Channel.LOG, "", "")
 class Ledger:
     """The ledger of one host; made with `Ledger.open`.
 
-    ``said`` holds what was wrong with its files; `told` empties it. While ``guarded`` is set, or the settings say so,
-    no other process may change it; ``strange`` counts how often one did so all the same.
+    ``said`` holds what was wrong with its files; `new_diagnostics` empties it. While ``guarded`` is set, or the
+    settings say so, no other process may change it; ``strange`` counts how often one did so all the same.
     """
 
     def __init__(self, layout: Layout, clock: Clock, settings: Settings) -> None:
@@ -259,7 +259,7 @@ class Ledger:
         same = (claim.target, claim.signal, claim.condition, claim.restrictions)
         for other in in_force(self._book, self._moment()):
             if (other.target, other.signal, other.condition, other.restrictions) == same and other.by == by:
-                claim = replace(other, data={**other.data, SECONDS: data[SECONDS]})  # said again, with another reading
+                claim = replace(other, data={**other.data, SECONDS: data[SECONDS]})  # repeated, with another reading
         return carried(claim, evidence, self._moment())
 
     def _waiting(self, claim: Claim, waits: Diagnostic) -> Claim:
@@ -326,7 +326,7 @@ class Ledger:
         return tuple(claim for claim in ended if claim.id in known and known[claim.id].state is not State.RETIRED)
 
     def _publish(self, known: tuple[Claim, ...]) -> None:
-        """Tell the endpoint what of these is still in force; nothing is written where nothing ever was."""
+        """Report to the endpoint which of these are still in force; nothing is written where nothing ever was."""
         names = {claim.id for claim in known}
         active = tuple(claim for claim in in_force(self._book, self._moment()) if claim.id in names)
         path = self._layout.restrictions
@@ -398,7 +398,7 @@ class Ledger:
         book.count = max(book.count, *numbers) if numbers else book.count
 
     def _strangers(self) -> list[Diagnostic]:
-        """What somebody else has changed although no one may: said, counted, and not believed."""
+        """What another process has changed although none may: reported, counted, and ignored."""
         mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
         if all(mine.values()) or not (self.guarded or self._settings.shut()):
             return []

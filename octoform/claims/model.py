@@ -1,7 +1,7 @@
 """Readings and claims as values.
 
 A claim is no sentence that one believes: it is a condition on a signal, it cites the readings at which the condition
-held, and it is in force only until a fresh reading of that signal says otherwise or its time is over. (Light.)
+held, and it is in force only until a fresh reading of that signal contradicts it or its time is over. (Light.)
 """
 
 import math
@@ -123,7 +123,7 @@ class Claim:
         return f"permanent restriction {self.irreversible}"
 
 
-# What a condition says of a value, and which of two conditions is the tighter one.
+# Whether a condition holds for a value, and which of two conditions is the tighter one.
 #
 # Nothing is guessed: a value that could not be read, or that is of another kind than the condition's, neither fulfils a
 # condition nor contradicts it. Light.

@@ -1,6 +1,6 @@
 """The readings that the host remembers: a bounded number of each signal, on disk, so that a claim can cite them. Light.
 
-Kept of each signal are its last readings and its extremes; the extremes tell whether a signal has ever read otherwise.
+Kept of each signal are its last readings and its extremes; the extremes show whether a signal has ever read otherwise.
 Readings of an earlier start of the machine are no evidence any more and are not kept. They are appended without being
 synced: what a power cut takes is of an earlier start afterwards anyway.
 """
@@ -93,7 +93,7 @@ class Readings:
         return series is not None and any(holds(condition, each.value) is False for each in series.all())
 
     def refresh(self, *, shut: bool = False) -> list[Diagnostic]:
-        """Read what another process wrote; what is damaged is said and omitted.
+        """Read what another process wrote; what is damaged is reported and omitted.
 
         With ``shut`` no one else may have written: then what is known here is written again, and nothing is read.
         """
@@ -198,9 +198,9 @@ class Readings:
         return [] if problem is None else [problem]
 
     def _aside(self) -> list[Diagnostic]:
-        """Set a file that is none of ours aside and go on without what it held."""
+        """Move a foreign file away and go on without what it held."""
         aside = self._path.with_name(f"{self._path.name}.aside")
-        with contextlib.suppress(OSError):  # what cannot be moved is replaced by the next write, or that says why not
+        with contextlib.suppress(OSError):  # the next write replaces it or reports why not
             move(self._path, aside)
         self._seen = None
         return [self._damaged("the remembered readings cannot be read, so none of them is evidence any more")]

@@ -1,4 +1,4 @@
-"""What the ledger is told of the deployment, as plain data: its times, its tools, and what profiles call clean. Light.
+"""The ledger's settings of the deployment, as plain data: its times, its tools, and what profiles call clean. Light.
 
 The ledger judges an agent's words against facts that no agent wrote, so none of these comes from an agent.
 """
@@ -48,7 +48,7 @@ class ToolFacts:
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """What a profile says of a measured field, the last part of a signal's path.
+    """A profile's bounds of a measured field, the last part of a signal's path.
 
     Up to ``trouble_above`` (exclusive) a value is clean, and what is above it has settled again below
     ``settled_below``; likewise downwards. None: the profile states nothing on that side. ``sources`` are the tools it
@@ -106,7 +106,7 @@ def _open() -> bool:
 class Settings:
     """``claim_seconds`` is the longest that a claim holds without new evidence, and how fresh evidence has to be.
 
-    ``tools`` by name; a claim can restrict only what is there. ``bounds`` are the profiles'. ``boot`` tells one
+    ``tools`` by name; a claim can restrict only what is there. ``bounds`` are the profiles'. ``boot`` distinguishes one
     start of the machine from the next; empty: ask the kernel. ``shut`` is asked when another process has changed
     the ledger: True while none may, since an agent is at work; then what this process knows is written again.
     """

@@ -68,7 +68,7 @@ def dispatch(argv: Sequence[str]) -> int:
     except KeyboardInterrupt:
         return problems.interrupted(screen)
     except BrokenPipeError:
-        # Whoever read the output is gone; there is nobody left to tell, and Python must not try again at exit.
+        # The reader of the output is gone; no one is left to inform, and Python must not try again at exit.
         _print_nowhere()
         return 1
 
@@ -150,7 +150,7 @@ def _is_project(folder: Path) -> bool:
 
 
 def _hide(project: Path, screen: console.Console) -> None:
-    """A refusal is only told: an emergency stop is not held up by a full disk, and what has to write says so itself."""
+    """A refusal is only reported: a full disk does not hold up an emergency stop, and a failed write reports itself."""
     from octoform.state.files import hide_from_git
 
     problem = hide_from_git(project)

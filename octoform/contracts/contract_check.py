@@ -54,7 +54,7 @@ _NEEDS = {
 def check(stage: str, value: object, artifacts: Artifacts, schemas: Path, path: str | None = None) -> list[Diagnostic]:
     """Everything that is wrong with ``value`` as the output of ``stage``; empty when the contract accepts it.
 
-    The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` says of which step. So do
+    The output of a privileged step (``step.arm``) has a contract too; ``artifacts.step`` names the step. So do
     the reports of the background tasks (``watch``, ``heal``), with ``artifacts.duty`` for what their agent was given.
 
     ``artifacts`` holds the accepted artifacts of the stages before; ValueError when the preceding one is missing,

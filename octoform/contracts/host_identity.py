@@ -70,7 +70,7 @@ def secrets_of(instance: JsonObject) -> Iterator[tuple[str, str]]:
 
 
 def identifies(member: str) -> bool:
-    """True for the name of a member that tells one unit from another."""
+    """True for the name of a member that distinguishes one unit from another."""
     return _IDENTIFYING.search(member) is not None
 
 
@@ -149,7 +149,7 @@ def _names_a_kind(word: str, probe: JsonObject) -> bool:
 
 
 def spelt(secret: str) -> str:
-    """A pattern for a secret in running text, letter case aside; a hardware address in any of its three spellings."""
+    """A case-insensitive pattern for a secret in running text; a hardware address in any of its three spellings."""
     if ADDRESS.fullmatch(secret):
         return "[:_-]?".join(re.escape(pair) for pair in secret.split(":"))
     escaped = re.escape(secret)
@@ -253,10 +253,10 @@ def _exchanged(sign: str, drawn: int) -> str:
     return letter.upper() if sign.isupper() else letter
 
 
-# Keeps the id of each specimen when PROBE runs again, so that no two equal devices change their names unseen.
+# Keeps the id of each unit when PROBE runs again, so that no two equal devices change their names unseen.
 #
 # Ordinals are counted by place: without this, a second PROBE after a re-plug, or after the first of two twins went,
-# would give one the other's id, and with it its tools and what a person said of it. Pure: values only.
+# would give one the other's id, and with it its tools and a person's answers about it. Pure: values only.
 
 _ORDINAL = re.compile(r"(.+)-([2-9]|[1-9]\d+)")
 _CONTENT = ("name", "interface", "raw_descriptor", "vid", "pid")
@@ -271,7 +271,7 @@ class Kept:
 
 
 def judged(probe: JsonObject) -> JsonObject:
-    """The artifact with no identity called strong for a serial number that does not tell its unit from its twins.
+    """The artifact with no identity called strong for a serial number that its unit shares with its twins.
 
     Which agent wrote it does not matter: a default number in a ledger would lead an actuator to the wrong twin.
     """

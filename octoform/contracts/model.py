@@ -36,7 +36,7 @@ class KnownDevices(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class StepFacts:
-    """One step as octoform knows it before the agent has said anything.
+    """One step as octoform knows it before the agent has written anything.
 
     ``kind`` and ``minimum`` are those of its proof. ``devices`` are the ones that it may run for, see `corroborated`
     (with ``needs_profile`` False: any identified device). ``disabled`` are the units that the profile switches off,
@@ -84,7 +84,7 @@ class ProfileFacts:
     ``holds`` are the ids of the PROBE devices for which the profile's match rule holds. Of ``limits``, those
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
     or capabilities that this glob matches, and ``unit`` names the unit of both numbers. ``commands`` are those of its
-    protocol definition as an agent is told them (``tool``, ``effect``, ``parameters`` by name), none where it has no
+    protocol definition as an agent gets them (``tool``, ``effect``, ``parameters`` by name), none where it has no
     protocol definition. ``product`` is what the profile calls the product, "" where it does not say.
     """
 
@@ -114,7 +114,7 @@ class HostScan:
 class Artifacts:
     """The accepted artifacts of the stages before the one in question; None for what does not exist yet.
 
-    ``answers`` is what a person said of a device, by the device's id; ``step`` what a privileged step is held to,
+    ``answers`` are a person's answers, by the device's id; ``step`` what a privileged step is held to,
     ``duty`` what the report of WATCH or HEAL is held to: what its agent was given. ``scan`` is what PROBE is held to,
     what the host itself shows; None where the embedded agent does PROBE or where no one could look. ``registered`` is
     what the host's id databases say of a device's numbers (maker and product), by its id; None where no one looked.
@@ -137,7 +137,7 @@ class Artifacts:
 
 
 def effects_of(artifacts: Artifacts) -> dict[str, str]:
-    """The effect that IDENTIFY gives each capability, by its name; a grammar's command has that of the grammar."""
+    """The effect that IDENTIFY gives each capability, by its name; a profile's command has the profile's."""
     devices = (artifacts.identify or {"devices": []})["devices"]
     found = {capability["name"]: capability["effect"] for device in devices for capability in device["capabilities"]}
     for _, _, commands in described(artifacts.identify, artifacts):
@@ -148,7 +148,7 @@ def effects_of(artifacts: Artifacts) -> dict[str, str]:
 def described(
     identify: JsonObject | None, artifacts: Artifacts
 ) -> Iterator[tuple[str, str, Mapping[str, Mapping[str, Any]]]]:
-    """(device, profile, commands by name) of each device that IDENTIFY names by a profile with a grammar."""
+    """(device, profile, commands by name) of each device with a profile's protocol definition in IDENTIFY."""
     for device in (identify or {"devices": []})["devices"]:
         facts = artifacts.profiles.get(device.get("profile", ""))
         if facts is not None and facts.commands:

@@ -1,7 +1,7 @@
 """Whether a string speaks of changing or moving something, wherever in it, and whether a parameter carries a quantity.
 
 Judgements over words, for devices of which no one knows more than that there is a line to them. They are blunt on
-purpose: what is refused can be said otherwise, or the device's owner says what it is.
+purpose: refused text can be reworded, or the device's owner explains what it is.
 """
 
 import re

@@ -46,7 +46,7 @@ _CONTENT = frozenset(
 _READ = frozenset({"read", "receive", "recv", "rx", "get", "query", "dump", "peek"})
 _RAW_SOURCE = frozenset({"bytes", "register", "registers", "uart", "tty", "serial", "eeprom"})
 _ALWAYS = frozenset({"passthrough", "transceive", "transceiver", "shell", "exec", "eval", "ioctl", "bash", "poke"})
-# Words that together name a way to speak to a device, whatever is said on it.
+# Words that together name a way to speak to a device, whatever the messages are.
 _PAIRS = (
     (
         frozenset({"open", "attach", "access", "use", "start", "connect", "enter"}),
@@ -330,7 +330,7 @@ def changes(name: str, description: str) -> str | None:
 
 
 def destroys(name: str) -> str | None:
-    """The word of a name that says that something is gone for good afterwards, or None."""
+    """The word of a name that means that something is gone for good afterwards, or None."""
     spoken = tokens(name)
     found = [word for word in spoken if word in _DESTROYING]
     found += [" ".join(pair) for pair in _FOR_GOOD if set(pair) <= set(spoken)]

@@ -10,13 +10,13 @@ from collections.abc import Iterable, Sequence
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
 _SPREAD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
 _WORD = re.compile(r"[^\W_]+")
-# Spellings in which a digit belongs to the word before or behind it, and tells no model.
+# Spellings in which a digit belongs to the word before or behind it, and identifies no model.
 _JOINED: tuple[tuple[re.Pattern[str], str], ...] = (
     (re.compile(r"(?i)\bps/2\b"), "ps2"),
     (re.compile(r"\b([23])-?[Dd]\b"), r"\1d"),
 )
 _JOINED += ((re.compile(r"\bSoC\b"), "SOC"), (re.compile(r"\beMMC\b"), "EMMC"), (re.compile(r"\bm\.2\b", re.I), "m2"))
-# Who says which language a word is of, or what it means, gives the reason for a name that no string holds.
+# The language or the meaning of a word is the reason for a name that no string holds.
 _LANGUAGE = re.compile(
     r"(?i)\b(?:german|french|spanish|italian|portuguese|dutch|polish|czech|russian|ukrainian|chinese|japanese|korean"
     r"|turkish|arabic|hebrew|persian|swedish|danish|norwegian|finnish|hungarian|romanian|greek|hindi|thai|vietnamese"
@@ -52,7 +52,7 @@ def parts(of: Iterable[str]) -> frozenset[str]:
 
 
 def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
-    """The words that are not said, plurals folded; several in a row may be one word there ('Quick Cam', 'QuickCam')."""
+    """The words that are missing, plurals folded; several in a row may be one word there ('Quick Cam', 'QuickCam')."""
     folded = [word.casefold() for word in of]
     borne: set[int] = set()
     for length in range(1, _LONGEST_RUN + 1):
@@ -69,7 +69,7 @@ def names_language(text: str) -> bool:
 
 
 def has_digit(word: str) -> bool:
-    """True for what tells one model from another."""
+    """True for a word that distinguishes one model from another."""
     return any(sign.isdigit() for sign in word)
 
 

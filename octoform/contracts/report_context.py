@@ -117,9 +117,9 @@ def place_of(row: Row) -> Place:
 
 
 def tool_facts(interface: Row) -> list[dict[str, Any]]:
-    """The tools of INTERFACE as a duty is told of them: name, effect, whether it stops, devices, parameters, limits.
+    """The tools of INTERFACE for a background task: name, effect, whether it stops, devices, parameters, limits.
 
-    Descriptions are left out: who diagnoses has to look at readings, and a prompt is bounded.
+    Descriptions are omitted: who diagnoses has to look at readings, and a prompt is bounded.
     """
     return [
         {

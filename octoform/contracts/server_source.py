@@ -1,7 +1,7 @@
 """A generated server as a syntax tree with its names resolved, ready for the rules.
 
 The rules over it catch the mistakes that agents make, in the file that a person will read. They are no sandbox:
-whoever means harm can hide from any static rule, which is why the import under watch and the test calls follow.
+a malicious author can hide from any static rule, which is why the import under watch and the test calls follow.
 """
 
 import ast

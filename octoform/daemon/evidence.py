@@ -175,7 +175,7 @@ def _flat(reading: Reading) -> dict[str, Any]:
 
 
 def _standing(facts: Facts) -> Iterable[tuple[Signal, Value]]:
-    """What a look says of things that are so or otherwise; what it did not look at is omitted."""
+    """The true-or-false readings of one look at the host; what the look skipped is omitted."""
     if not facts.applied:
         return
     yield Signal(Channel.PROCESS, _ENDPOINT, "/running"), facts.process is not None

@@ -202,7 +202,7 @@ def _is_upheld(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class HealthSnapshot:
-    """How a deployment stood at one moment, for a comparison: before a repair and after it.
+    """The health of a deployment at one moment, for a comparison: before a repair and after it.
 
     ``reporting`` are signals as ``source + path``, ``there`` devices, ``failing`` how often each tool failed in a row.
     """

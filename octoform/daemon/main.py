@@ -71,7 +71,7 @@ class Composition:
     notifier: notices.Notifier
 
     def close(self) -> None:
-        """End every child, wait for what they were doing, tell what waits to be reported."""
+        """End every child process, wait for their work, and deliver the alerts that wait."""
         self.workers.end()
         self.bench.join(JOIN_SECONDS)
         self.looker.remember()
@@ -151,7 +151,7 @@ def _sampling(wanted: Wanted, sensors: Sensors, maker: Ledger, workers: Workers)
 
 
 class _Knowing:
-    """A view in front of which the ledger is told of other tools, once an apply or a repair has changed them."""
+    """A view in front of which the ledger gets the new list of tools after an apply or a repair has changed it."""
 
     def __init__(self, ledger: Ledger, layout: Layout, settings: Callable[[], Settings], view: View) -> None:
         self._ledger = ledger
@@ -161,7 +161,7 @@ class _Knowing:
         self._stamp = self._now()
 
     def __call__(self, made: Cycle) -> None:
-        """Tell it, then show."""
+        """Update the ledger, then show the cycle."""
         now = self._now()
         if now != self._stamp and made.facts.busy is None:
             self._stamp = now
@@ -201,7 +201,7 @@ class _Counted:
                 sum(each.lost for each in notices.failing(self._memory.shelf.layout)),
             )
             problem = metrics.write(self._path, picture)
-            if problem is not None and problem != self._problem:  # said once, not every few seconds of a night
+            if problem is not None and problem != self._problem:  # reported once, not every few seconds
                 self._memory.shelf.said.append(problem)
             self._problem = problem
         self._view(made)
@@ -298,7 +298,7 @@ class _Shown:
         self._unwatched = 0
         self._unkept: Diagnostic | None = None
         self.replaced: Diagnostic | None = None
-        """The daemon that took this one's place, when somebody deleted what said that there was one."""
+        """The daemon that took this one's place, when somebody deleted the record of this one."""
 
     def __call__(self, made: Cycle) -> None:
         """Show a check cycle; let the loop end when it has to begin again."""

@@ -121,7 +121,7 @@ def _work(episodes: Iterable[Incident]) -> Iterator[tuple[str, str, tuple[str, .
     yield "repair_seconds", "what they took, together", ("repair",), seconds
     yield "agent_calls", "runs of agents that the daemon asked", (), {(): float(calls)}
     yield "agent_tokens", "what they used", ("direction",), _floats(tokens)
-    if is_known:  # a cost that nobody knows is no zero
+    if is_known:  # an unknown cost is not zero
         yield "agent_usd", "what they cost, in US dollars", (), {(): dollars}
 
 

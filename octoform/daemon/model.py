@@ -52,7 +52,7 @@ class FaultClass(StrEnum):
 
 
 class Kind(StrEnum):
-    """What code can tell by itself; finer than the playbook's classes."""
+    """The fault classes that code can determine; finer than the playbook's classes."""
 
     PROCESS_DEAD = "process_dead"
     PROCESS_HUNG = "process_hung"
@@ -102,7 +102,7 @@ class Repair(StrEnum):
     ROLL_BACK = "roll_back"
     """Take back what HEAL changed, because the readings after it are worse."""
     WAIT = "wait"
-    """Only the world can fix it (a device that was pulled): said once, closed when it is over."""
+    """Only the world can fix it (a device that was pulled): reported once, closed when it is over."""
     PERSON = "person"
 
 
@@ -159,7 +159,7 @@ class Facts:
     `octoform.endpoint.environment.model.intact`.
     ``appeared`` and ``gone`` are fingerprint entries against the last accepted PROBE. ``failures`` and ``worked`` are
     calls since the last look, ``printed`` new lines of the process's own log that are no access lines (bounded).
-    ``start_failed`` is what the last start of ours said when it failed. Sizes are in bytes. ``put_off`` are causes
+    ``start_failed`` is the message of our last start when it failed. Sizes are in bytes. ``put_off`` are causes
     whose look was cut short because the endpoint's process ended: they are looked at again, right after that.
     """
 
@@ -242,8 +242,8 @@ class Done:
 
     ``again`` False: no further try of this repair can help (a person is needed). ``findings`` is what WATCH made of the
     evidence, to be judged like any other. ``report`` is the agent's accepted report as it stands (WATCH's and HEAL's
-    output.json), whose claims and declarations the loop offers to the ledger. ``untold``: it ended without telling what
-    it spent. ``asked``: a question waits for a person that did not wait before.
+    output.json), whose claims and declarations the loop offers to the ledger. ``untold``: it ended without reporting
+    what it spent. ``asked``: a question waits for a person that did not wait before.
     """
 
     ok: bool
@@ -261,7 +261,7 @@ class Alert:
     """What a person is notified: an incident that opened, was repaired, froze, or waits for them."""
 
     event: str
-    """``opened``, ``repaired``, ``cleared``, ``frozen``, ``surfaced``, ``confirm``, ``asks``."""
+    """One of ``opened``, ``repaired``, ``cleared``, ``frozen``, ``surfaced``, ``confirm``, ``asks``."""
     host: str
     target: str
     summary: str

@@ -2,8 +2,8 @@
 
 Each way has its own queue and its own thread, and every message is carried by a child process with a time limit: a
 slow name server or a program that hangs costs that child and nothing else, and the libraries that a POST needs never
-stay in the daemon. What could not be told is kept and shown (`octoform health`), since no one may believe that somebody
-was notified. The webhook's URL is resolved for its child alone and is in no argument, log or file. Light.
+stay in the daemon. An alert that could not be delivered is kept and shown (`octoform health`), since no one may believe
+that somebody was notified. The webhook's URL is resolved for its child alone and is in no argument, log or file. Light.
 """
 
 import contextlib
@@ -52,7 +52,7 @@ _PROXIES = ("http_proxy", "https_proxy", "no_proxy")
 _POSTING = (sys.executable, "-P", "-m", "octoform.daemon.webhook")
 
 Deliver = Callable[[Alert], str | None]
-"""Tells one alert; None when that is done, else why not, in words that hold no secret."""
+"""Delivers one alert; returns None, or why it failed, without any secret."""
 Wait = Callable[[float], bool]
 """Waits so many seconds; True when the daemon ends."""
 
@@ -64,7 +64,7 @@ def document_of(alert: Alert) -> dict[str, object]:
 
 
 class Notifier:
-    """Tells alerts. Calling it only puts them into queues."""
+    """Delivers alerts. Calling it only puts them into queues."""
 
     def __init__(self, ways: Mapping[str, Deliver], shelf: Shelf, wait: Wait | None = None) -> None:
         """``ways`` by name: ``command``, ``webhook``, ``desktop``. ``shelf`` keeps which of them fail."""
@@ -78,7 +78,7 @@ class Notifier:
             way.put(alert)
 
     def close(self, seconds: float = SECONDS) -> None:
-        """Tell what waits, within so many seconds in all; what is not told by then is given up and said."""
+        """Deliver what waits, within so many seconds in all; the rest is dropped and reported."""
         end = time.monotonic() + seconds
         for way in self._ways:
             way.close()
@@ -139,7 +139,7 @@ class _Way:
                 lost = self._queue.popleft()
                 self._record.failed(self._name, lost.stamp, "too many notifications at once; the oldest is dropped")
             self._queue.append(alert)
-            if self._thread is None:  # only who has something to tell has a thread
+            if self._thread is None:  # the thread starts with the first alert
                 thread = threading.Thread(target=self._work, name=f"octoform-{self._name}", daemon=True)
                 with contextlib.suppress(BlockingIOError):  # the queue is kept, and the next alert tries again
                     shortage.start(thread)
@@ -209,7 +209,7 @@ class _Record:
 
 
 class Command:
-    """Tells a program of the person's: the alert is one JSON object on its standard input."""
+    """Delivers to a program of the person's: the alert is one JSON object on its standard input."""
 
     def __init__(self, command: Sequence[str], project: Path, environ: Mapping[str, str]) -> None:
         program = command[0]
@@ -224,7 +224,7 @@ class Command:
 
 
 class Webhook:
-    """Tells a URL. Its references are resolved here, and the URL leaves this process only on the child's input."""
+    """Delivers to a URL. Its references are resolved here, and the URL leaves only on the child's input."""
 
     def __init__(self, url: str, environ: Mapping[str, str]) -> None:
         self._url = url
@@ -240,7 +240,7 @@ class Webhook:
 
 
 class Desktop:
-    """Tells the session of anyone who runs the daemon."""
+    """Delivers to the desktop session of the user who runs the daemon."""
 
     def __init__(self, environ: Mapping[str, str]) -> None:
         self._environ = _only(environ, _DESKTOP)
@@ -292,7 +292,7 @@ def _listen(process: "subprocess.Popen[bytes]", descriptor: int) -> bytes | None
     ears, words, open_ = select.poll(), b"", True
     ears.register(descriptor, select.POLLIN)
     while True:
-        ended = process.poll() is not None  # asked before the last look: what it said before its end is heard
+        ended = process.poll() is not None  # asked before the last look: its output before its end is read
         if open_ and ears.poll(0 if ended else _LISTEN_SECONDS * 1000):
             heard = os.read(descriptor, 65536)
             words, open_ = (words + heard)[-4096:], bool(heard)
@@ -321,7 +321,7 @@ def _only(environ: Mapping[str, str], wanted: Sequence[str]) -> dict[str, str]:
     return {name: environ[name] for name in wanted if name in environ}
 
 
-# What a person does about a trouble that is not tried any more: the same words wherever it is told. Light.
+# What a person does about a problem that gave up: one text for every view. Light.
 
 _BY_HAND = {
     Kind.HARDWARE_CHANGED: "octoform apply (octoform plan shows first what it would do)",

@@ -73,7 +73,7 @@ def daemon_of(layout: Layout) -> Record | None:
     return instance_lock.alive(layout)
 
 
-# What a person decides about claims. Whoever decides is noted by the name of their account. (Heavy: the manifest.)
+# What a person decides about claims. The decider is noted by account name. (Heavy: the manifest.)
 
 
 def open_ledger(project: Path, environ: Mapping[str, str]) -> tuple[Ledger | None, list[Diagnostic]]:

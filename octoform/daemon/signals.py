@@ -10,11 +10,11 @@ from octoform.endpoint.expected_tools import hidden, promised
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
-# What ought to report and does not: health needs coverage, whoever switched a unit off and why. (Light.)
+# What ought to report and does not: health needs coverage, no matter who switched a unit off and why. (Light.)
 #
-# A field of a result may be null for good reasons, so a null alone says little; a reading that could not be made says
-# why, and a unit that is left out says so in its member ``skipped``. Where a result says in its member ``unknown`` why
-# it does not know a value, the tool has answered: a counted position is unknown after each start until its device was
+# A field of a result may be null for good reasons, so a null alone proves little; a reading that could not be made
+# gives the reason, and a skipped unit has the member ``skipped``. Where a result gives in its member ``unknown`` why it
+# does not know a value, the tool has answered: a counted position is unknown after each start until its device was
 # taken to its origin, and that is how such a device is, not one that is silent.
 
 SKIPPED = "/skipped"
@@ -36,7 +36,7 @@ def newest(readings: Iterable[Reading]) -> dict[Signal, Reading]:
 def silent(
     readings: Iterable[Reading], expected: Iterable[Signal] = (), unread: Iterable[Silence] = ()
 ) -> list[Silence]:
-    """Every unit that cannot report, told once, in order.
+    """Every unit without data, once, in order.
 
     ``expected`` are signals that reported before, ``unread`` what should report as a whole and was not asked.
     """
@@ -127,7 +127,7 @@ def _missing(latest: Mapping[Signal, Reading], expected: Iterable[Signal]) -> It
 # known of what it reads.
 #
 # Of its signals only what had a number or a truth value counts as having reported: a member that always was null
-# promises nothing, and texts come and go with what they tell of. What is not wanted any more is missed by nobody: a
+# promises nothing, and texts come and go with what they describe. A signal that is not wanted any more is not missed: a
 # tool or a device that is not offered, whether an apply took it away or the policy denies it; pictures while perception
 # is switched off, or of a camera that is not looked through any more; a member that the tool's answers have not had
 # since.
@@ -181,7 +181,7 @@ def current(readings: Iterable[Reading], layout: Layout, wanted: Iterable[Signal
 
 
 def measured(readings: Iterable[Reading], of: Callable[[Signal], Iterable[Reading]]) -> frozenset[Signal]:
-    """The signals of sensors among these that have a number or a truth value, or had one as far as ``of`` tells."""
+    """The signals of sensors among these that have a number or a truth value, or had one according to ``of``."""
     return frozenset(
         reading.signal
         for reading in readings
@@ -191,7 +191,7 @@ def measured(readings: Iterable[Reading], of: Callable[[Signal], Iterable[Readin
 
 
 def unread(promised: Iterable[Signal], readings: Iterable[Reading], since: float) -> list[Silence]:
-    """What is promised and was not read since ``since`` (uptime in seconds), whatever a reading of it said.
+    """What is promised and was not read since ``since`` (uptime in seconds), whatever a former reading was.
 
     A promise has no path: it is all that its source reports; without a source, any of its channel.
     """

@@ -70,7 +70,7 @@ class Survey:
     """How a host is. ``watched`` is the daemon that lives; ``looked`` is True where we looked ourselves.
 
     ``paused`` is since when repairs are paused, empty where that is not known, None when they are not. ``todo`` are
-    things that wait for a person and belong to no problem: (command, why). ``untold`` are ways of telling that fail.
+    things that wait for a person and belong to no problem: (command, why). ``untold`` are the notifiers that fail.
     ``recorded`` is the folder of a recorded host.
     """
 

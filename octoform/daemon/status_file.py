@@ -66,7 +66,7 @@ class Bulletin:
 
     def _withdraw(self) -> None:
         """What cannot be replaced must not be taken for how things are; nothing is better than what was."""
-        with suppress(OSError):  # a disk that refuses this too is seen by whoever asks
+        with suppress(OSError):  # the next reader sees that the disk refuses this too
             self.memory.shelf.path(FILE).unlink(missing_ok=True)
         self.memory.shelf.wrote(FILE)
 

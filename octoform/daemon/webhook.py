@@ -2,7 +2,7 @@
 
 Run as ``python -m octoform.daemon.webhook`` with ``{url, body, seconds}`` on standard input; status 0 when
 the other side answered with 2xx. What went wrong is printed to standard error without the URL or any part of it,
-since whoever has it may write there.
+since anyone who has it may write there.
 """
 
 import json

@@ -32,7 +32,7 @@ SCRIPT = Path(__file__).parent / "scripts" / "fork_server.py"
 FORK_SECONDS = 5.0
 """In which a fork server that has loaded forks, on a machine under load too."""
 END_SECONDS = 1.0
-"""In which a fork server ends once nobody can order anything of it; it holds nothing that would be lost."""
+"""In which a fork server ends once no client is left; it holds nothing that would be lost."""
 
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "SHELL", "TERM")
 """Variables that every child gets: nearly what an MCP client hands to a stdio server, and no secrets."""
@@ -113,7 +113,7 @@ class ForkServer:
 
     That takes a second or two of CPU time, once: scripts run as forks of it. It ends with this process, or after a
     minute without work; `at` gives the one of an interpreter. Where it does not load, `run` starts the script as a
-    program of its own, which tells what is wrong.
+    program of its own, which reports what is wrong.
     """
 
     _kept: ClassVar[dict[tuple[int, ...], "ForkServer"]] = {}
@@ -218,7 +218,7 @@ class ForkServer:
     def _lives(self) -> bool:
         if self._loaded is False:
             return False
-        # Once it has loaded it says nothing more: what there is to read is its end.
+        # Once it has loaded it prints nothing more: what there is to read is its end.
         return not self._loaded or not select.select([self._orders], [], [], 0)[0]
 
 

@@ -19,7 +19,7 @@ from octoform.state.layout import Layout
 
 CONNECT_SECONDS = 5.0
 PATIENCE_SECONDS = 1.0
-"""How long a start may take before whoever waits is told of it."""
+"""How long a start may take before it is reported to the waiting client."""
 
 
 def reach(
@@ -91,10 +91,10 @@ def down(why: str) -> Diagnostic:
     return error("ENDPOINT-DOWN", "the endpoint does not answer", detail=why, hint=hint)
 
 
-# Another endpoint for a client whose endpoint ended: whoever starts it, and by ourselves when nobody does.
+# Another endpoint for a client whose endpoint ended: started by another process, or by this one when none does.
 #
-# After a crash the daemon starts the next one, after a restart or an apply these do. Where the client waits and nobody
-# has done it for a while, this does, as it would for a client that comes anew. What a person stopped, or what was
+# After a crash the daemon starts the next one, after a restart or an apply these do. Where the client waits and no
+# process has done it for a while, this does, as it would for a new client. What a person stopped, or what was
 # destroyed, is left alone, and the client's pipe ends.
 
 RECONNECT_SECONDS = 2.0
@@ -157,7 +157,7 @@ class Returning:
 def connect(project: Path, host: str | None, *, revive: bool = False) -> str | None:
     """Carry a client's bytes until it is done; the reason in one line when it ended otherwise.
 
-    A client that is refused is told so in an answer to its first request too. ``revive``: it may end a person's stop.
+    A refused client gets the reason in the answer to its first request too. ``revive``: it may end a person's stop.
     """
     layout = _layout(project, host)
     if isinstance(layout, str):

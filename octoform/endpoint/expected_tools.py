@@ -11,7 +11,7 @@ from octoform.state.layout import Layout
 
 
 def promised(layout: Layout) -> dict[str, Any]:
-    """The tools of the INTERFACE artifact by name; none when it can be read no more, which the plan tells."""
+    """The tools of the INTERFACE artifact by name; none when it cannot be read, which the plan reports."""
     try:
         interface = read_json(layout.output("interface"), any_text=True)
     except (OSError, ValueError):
@@ -28,7 +28,7 @@ def published(layout: Layout) -> dict[str, Mapping[str, Any]]:
 def hidden(layout: Layout) -> frozenset[str]:
     """The tools that the published policy denies, which no client is shown; none where it only watches.
 
-    A policy that cannot be read hides nothing here: the endpoint does not start with it, and a plan tells.
+    A policy that cannot be read hides nothing here: the endpoint does not start with it, and a plan reports it.
     """
     policy = read_policy(layout)
     return frozenset() if policy is None else denied(policy)

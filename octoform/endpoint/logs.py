@@ -164,8 +164,8 @@ def logs_of(layout: Layout) -> Logs:
 
 # The call log that the launcher injects, read from a mark on.
 #
-# A call that a client made and the log does not hold would be invisible to whoever watches the server; so the log,
-# not the answer, is what a trial call is believed by.
+# A call that a client made and the log does not hold would be invisible to an observer of the server; so the log,
+# not the answer, is the evidence for a test call.
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
-"""What a client and the endpoint have said to each other, as far as a new endpoint has to be told of it. Light.
+"""The part of a client's session that a new endpoint needs. Light.
 
 A pipe that outlives the process behind it must know three things: what the client still waits for, how it introduced
-itself, and what it was asked and has not answered. Nothing that a device may have been told is ever said twice: such a
+itself, and what it was asked and has not answered. No call that may have reached a device is ever sent twice: such a
 request is answered with an error that states that. Messages are kept as bytes and looked into only now and then, so
-that whoever just passes them on loads and does nothing.
+that a proxy that just passes them on parses nothing.
 """
 
 import os
@@ -37,7 +37,7 @@ class Conversation:
         self._initialize: Message | None = None
         self._version: object = None
         self.shaking = False
-        """An endpoint was told who the client is, and has not answered: nothing else may be sent to it."""
+        """An endpoint has got the client's initialize request, and has not answered: nothing else may be sent to it."""
 
     @property
     def careful(self) -> bool:
@@ -87,7 +87,7 @@ class Conversation:
         message = _object(line) if self._stale else None
         if message is None or "method" in message or "id" not in message or _key(message["id"]) not in self._stale:
             return line
-        self._stale.discard(_key(message["id"]))  # it answers a question that nobody asks any more
+        self._stale.discard(_key(message["id"]))  # it answers a question that is no longer asked
         return b""
 
     def from_endpoint(self, line: bytes) -> tuple[bytes, list[bytes]]:
@@ -107,7 +107,7 @@ class Conversation:
         return line, []
 
     def _shaken(self, message: Message) -> tuple[bytes, list[bytes]]:
-        """The endpoint has taken the client's introduction, of which the client is not told again."""
+        """The endpoint has accepted the client's initialize request; the client does not get that answer again."""
         result = message.get("result")
         version = result.get("protocolVersion") if isinstance(result, dict) else None
         if version is None or (self._version is not None and version != self._version):
@@ -120,7 +120,7 @@ class Conversation:
         return [line for _, line in self._waiting.values()]
 
     def renewed(self) -> list[bytes]:
-        """What clients are told that listen in the way of the stateless protocol: the tools may be others now."""
+        """The notification for clients that listen by the stateless protocol: the tools may be others now."""
         return [
             _line({"method": "notifications/tools/list_changed", "params": {"_meta": {_SUBSCRIPTION: message["id"]}}})
             for message, _ in self._waiting.values()
@@ -290,7 +290,7 @@ class Up:
             self._parts, self._part_bytes = [], 0
 
     def ahead(self, lines: list[bytes]) -> None:
-        """Let this endpoint be told something in the client's name."""
+        """Send this endpoint a message in the client's name."""
         self._ahead.extend(lines)
 
     def drain(self, target: int) -> bool:
@@ -360,7 +360,7 @@ class Down:
         return len(self.waiting) >= MOST_WAITING
 
     def put(self, part: bytes) -> list[bytes]:
-        """Take what the endpoint said; what it has to be answered in the client's place.
+        """Take a message of the endpoint; returns the answer that it needs in the client's place.
 
         ValueError when the client cannot go on with it.
         """
@@ -373,7 +373,7 @@ class Down:
         return back
 
     def send(self, lines: list[bytes]) -> None:
-        """Tell the client something in the endpoint's place; only between two messages."""
+        """Send the client a message in the endpoint's place; only between two messages."""
         self.waiting += b"".join(lines)
 
     def reset(self) -> None:
@@ -388,7 +388,7 @@ class Down:
             self.waiting = self.waiting[os.write(self.target, self.waiting) :]
         except BlockingIOError:
             return True
-        except OSError:  # what it did not take is nobody's
+        except OSError:  # what it did not take is lost
             self.waiting = b""
             return False
         return True

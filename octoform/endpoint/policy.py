@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 #
 # A range is written for the parameter of one tool; what it protects is a joint or an axis, which other tools move too,
 # one by one or in a pose. So each range of a place is collected by device, quantity and unit, and then holds for the
-# goals of every tool, however that tool is told its goal.
+# goals of every tool, whichever parameter of that tool is the goal.
 
 Tool = Mapping[str, Any]
 Place = tuple[str, str, str]
@@ -173,7 +173,7 @@ class Claim:
 def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding, writing: Collection[str] = ()) -> dict[str, Any]:
     """The content of the endpoint's policy file, JSON-able; ``tools`` are those of an accepted INTERFACE artifact.
 
-    ``writing`` are those whose code can write to a line of which neither a profile nor the owner says anything.
+    ``writing`` are those whose code can write to a line that neither a profile nor the owner describes.
     """
     listed = list(tools)
     places = places_of(policy, listed, holding)
@@ -221,7 +221,7 @@ def _asked(policy: Policy, tool: Tool, writing: Collection[str]) -> dict[str, st
 
 
 def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:
-    """What happens to a call, and who says so: the first rule that names the tool, else its effect class."""
+    """What happens to a call, and by which rule: the first rule that names the tool, else its effect class."""
     for index, rule in enumerate(policy.rules):
         if rule.matches(tool["name"]):
             return rule.decision, f"policy.rules[{index}]"

@@ -1,6 +1,6 @@
 """What of a policy concerns none of the tools that there are: believed to be in force, it is worse than none.
 
-The manifest is written before an agent has named the tools, so this can only be told afterwards. Pure, light.
+The manifest is written before an agent has named the tools, so this can only be checked afterwards. Pure, light.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

@@ -94,7 +94,7 @@ class Service:
 
 
 _SERVICE = ("host", "scope", "tools", "devices", "network", "tunnel")
-"""What the descriptor says of the service itself, and not of the folder or the octoform that wrote it."""
+"""The descriptor's facts of the service itself, and not of the folder or the octoform that wrote it."""
 SCRIPT = Path(__file__).parent / "scripts" / "serve.py"
 
 
@@ -108,7 +108,7 @@ def write_endpoint(
     """
     folder = private_folder(layout.endpoint)
     former = read_manifest(layout)
-    # What was seen of the former server says nothing of this one.
+    # A check of the former server is no evidence about this one.
     for name in (CHECK, MANIFEST):
         make_way(folder / name)
     (folder / CHECK).unlink(missing_ok=True)
@@ -334,7 +334,7 @@ def _unlink(folder: Path, name: str) -> None:
 
 
 def _sweep(folder: Path) -> list[Path]:
-    """Remove the folder when it is empty, else tell what is in it."""
+    """Remove the folder when it is empty, else report what is in it."""
     if not folder.is_dir():
         return []
     left = sorted(folder.iterdir())

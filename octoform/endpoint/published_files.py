@@ -112,7 +112,7 @@ def written_for(layout: Layout) -> Path | None:
     """The project that this endpoint's files name, where that is another folder; None where it is this one.
 
     They hold absolute paths, so those of a copied or renamed project lead to the place where they were written. None
-    also where nothing is applied, or the descriptor cannot be read, which a start tells.
+    also where nothing is applied, or the descriptor cannot be read, which a start reports.
     """
     try:
         run = Path(read_json(layout.endpoint / CONNECTION)["paths"]["run"])
@@ -167,7 +167,7 @@ def read_policy(layout: Layout) -> dict[str, Any] | None:
 
 
 def describe_closed(refused: Mapping[str, str]) -> str:
-    """One sentence on a node as `octoform.runtime.where.refused` tells of it, with the command that helps."""
+    """One sentence on a node from `octoform.runtime.where.refused`, with the command that helps."""
     return (
         f"this user may not {refused['lacks']} {refused['node']} (mode {refused['mode']}, group {refused['group']}): "
         f"{refused['remedy']}"

@@ -24,7 +24,7 @@ REFUSAL_SECONDS = 2.0
 """How long a client that gets no endpoint may take for its first request."""
 
 Again = Callable[[bool], "socket.socket | str | None"]
-"""Another connection, asked for again and again and told whether the client waits; it must return at once.
+"""Another connection, asked for again and again with whether the client waits; it must return at once.
 
 None: there is none yet. A string: there is none, and why. An empty text: there will be none, as somebody wants.
 """

@@ -1,6 +1,6 @@
 """What a recording may say: nothing of this one host, of the places on this machine, or of a secret. (Heavy.)
 
-Accepted artifacts hold kinds only; all else that an attempt leaves (what its agent said, its commands, its edit of the
+Accepted artifacts hold kinds only; all else that an attempt leaves (what its agent wrote, its commands, its edit of the
 spec, an output that was refused) was written where serial numbers, folders and names are in plain sight.
 """
 
@@ -52,7 +52,7 @@ class Anonymizer:
         return self._hidden(self._placed(redacted(self._whole(text), self.secrets)))
 
     def talk(self, text: str) -> str:
-        """The same for what was said or typed: there a short name of the host is hidden too."""
+        """The same for messages and commands: there a short name of the host is hidden too."""
         text = self.text(text)
         for name in self.names:
             text = re.sub(rf"(?<![\w-]){re.escape(name)}(?![\w-])", "{host}", text, flags=re.IGNORECASE)
@@ -95,7 +95,7 @@ class Anonymizer:
 def anonymizer_of(
     layout: Layout, environ: Mapping[str, str], outputs: Sequence[bytes], secrets: Mapping[str, str]
 ) -> Anonymizer:
-    """The veil for a host; ``outputs`` are what its PROBE attempts wrote, with the real values, the accepted one last.
+    """The anonymiser for a host; ``outputs`` are its PROBE outputs with the real values, the accepted one last.
 
     OSError when the host's own key for pseudonyms can neither be read nor made.
     """

@@ -135,7 +135,7 @@ class Funnel:
 
     @property
     def identified(self) -> int | None:
-        """The devices of which IDENTIFY says on evidence what each is."""
+        """The devices that IDENTIFY has identified on evidence."""
         return None if self.annotated is None or self.unknown is None else self.annotated - self.unknown
 
 
@@ -229,7 +229,7 @@ def _groups(named: Iterable[tuple[str, Device]]) -> tuple[Group, ...]:
 def _devices(ground: Ground) -> Iterable[Device]:
     identify, interface = ground.artifacts.get("identify"), ground.artifacts.get("interface")
     annotated = {item["id"]: item for item in (identify or {"devices": []})["devices"]}
-    # INTERFACE speaks last: it also says why a device that was annotated has no tool.
+    # INTERFACE speaks last: it also gives the reason why an identified device has no tool.
     left = {item["id"]: item for stage in (identify, interface) if stage for item in stage["left_out"]}
     tools = tools_by_device(interface)
     for seen in ground.artifacts["probe"]["devices"]:
@@ -295,10 +295,10 @@ def _unannotated(left: Mapping[str, Any] | None) -> dict[str, Any]:
 
 # Coverage of a project's host: reads what was accepted and what the attempts left, and starts nothing. (Heavy.)
 #
-# What it gathers are kinds: no serial number, address or host name stands in an accepted artifact, and nothing else of
+# What it gathers are kinds: no serial number, address or host name is in an accepted artifact, and nothing else of
 # the devices is read. So a report may be given away.
 #
-# What limits a report of coverage, in sentences: what is not there yet, out of date, edited, or not what it says.
+# What limits a report of coverage, in sentences: what is not there yet, out of date, edited, or not what it claims.
 
 
 def notes(snapshot: Snapshot, artifacts: Mapping[str, Any], files: Mapping[str, str | None]) -> Iterator[str]:
@@ -357,7 +357,7 @@ class Stage:
 
 @dataclass(frozen=True, slots=True)
 class CoverageReport:
-    """Everything that ``octoform coverage`` tells.
+    """Everything that ``octoform coverage`` reports.
 
     ``endpoint`` is ``running``, ``stopped`` or ``absent``. ``notes`` are sentences on what limits the rest: what is not
     there yet, what is out of date.

@@ -15,9 +15,9 @@ from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
 from octoform.records import dataclass
 from octoform.state.layout import STAGES
 
-# Whether a host's devices are told to be the same in every run, and the same way usable; pure.
+# Whether a host's devices are identified the same in every run, and the same way usable; pure.
 #
-# Nobody knows from here whether a name is right. That two runs over the same evidence disagree can be known, and it is
+# Whether a name is right cannot be known here. That two runs over the same evidence disagree can be known, and it is
 # looked for in what the contract holds: the device, what it is, and what it can do. A tool may have another name in
 # every run; where it serves the same capability of the same device, that is a rename and no disagreement.
 
@@ -41,7 +41,7 @@ class Way(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Identity:
-    """What one run said of one device; ``capabilities`` by name."""
+    """One run's annotation of one device; ``capabilities`` by name."""
 
     identified_as: str
     category: str
@@ -239,7 +239,7 @@ class Pass:
 
     @property
     def identified(self) -> int | None:
-        """The devices of which IDENTIFY says on evidence what each is."""
+        """The devices that IDENTIFY has identified on evidence."""
         return None if self.annotated is None or self.unknown is None else self.annotated - self.unknown
 
 
@@ -263,7 +263,7 @@ def _begins(item: Attempt, before: Sequence[Attempt]) -> bool:
 
 
 def _turn(item: Attempt) -> tuple[int, int]:
-    """The place of an attempt among those of its stage: what is taken over, the stage's agent, the one after it."""
+    """The place of an attempt among those of its stage: what is reused, the stage's agent, the one after it."""
     role = item.facts.role
     return (0 if role == REUSE else 2 if role == ESCALATE else 1), item.attempt
 
@@ -336,7 +336,7 @@ def runs(groups: Iterable[Sequence[Attempt]], output: Output) -> list[tuple[Atte
 
 
 def _identified(group: Sequence[Attempt], output: Output) -> tuple[Mapping[str, Any] | None, Attempt | None]:
-    """What a pass's own agents said of the devices, a second one's words in place of the first's."""
+    """The annotations of a pass's own agents, a second one's words in place of the first's."""
     found: Mapping[str, Any] | None = None
     last = None
     for item in group:

@@ -88,7 +88,7 @@ def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[S
     layout, found = layout_of(project, environ) if host is None else _named(project, host)
     if layout is None:
         return None, found
-    # First the mark: whoever sees the process end finds that a person wanted it.
+    # First the mark: an observer of the process's end finds that a person wanted it.
     problem = record.mark(layout)
     done = start_stop.stop(layout)
     if problem is not None and done.process is None:

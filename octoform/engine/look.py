@@ -29,7 +29,7 @@ from octoform.state.layout import Layout
 PERCEIVE = "step.perceive"
 _STAGES = ("probe", "identify", "interface")
 REPEAT_SECONDS = 2.0
-"""Between the pictures that tell whether a camera stands still, once it gave the same one twice."""
+"""Between the pictures that show whether a camera is frozen, once it gave the same one twice."""
 Take = Callable[[Layout, Mapping[str, Any], Person | None], Taken | Diagnostic]
 
 
@@ -95,7 +95,7 @@ def open_eye(
 def look(eye: Eye, person: Person | None = None, clock: Clock | None = None, take: Take = take) -> Look:
     """Take one picture and note it, or note why there is none. The endpoint is started if need be.
 
-    Where the camera gave the same picture again, a few more are taken at once: they tell whether it stands still.
+    Where the camera gave the same picture again, a few more are taken at once: they show whether it is frozen.
     """
     clock = clock or Clock()
     seen = _look(eye, person, clock, take)

@@ -17,7 +17,7 @@ from octoform.records import dataclass
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
 
-# ``profile check``: what a profile says, and for which devices of which hosts its evidence rule holds, and why not.
+# ``profile check``: the content of a profile, which devices of which hosts its match rule matches, and why not.
 #
 # It asks what PROBE recorded, of this host and of every other host that the project's state knows. Nothing is run and
 # nothing is written; a profile that fits no host yet is sound all the same. (Heavy.)
@@ -107,7 +107,7 @@ def _meets_something(rule: Judged) -> bool:
 
 # ``profile new``: the draft of a profile, written from what PROBE recorded of one device of this host.
 #
-# The draft knows what the device says of itself. What it does not know is left open in places that the reader of
+# The draft has the device's own facts. What it does not know is left open in places that the reader of
 # profiles refuses, so that a draft is never taken for knowledge. (Heavy.)
 
 FOLDER = "profiles"
@@ -115,7 +115,7 @@ FOLDER = "profiles"
 _MARKS = re.compile(
     r"<serial>|\[cut]|\\x1b(?:\[[0-9;]*[A-Za-z])?|\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\bredacted-[0-9]{10}\b"
 )
-# Words before the name of a product in a sentence about it, and words that begin to tell where it is.
+# Words before the name of a product in a sentence about it, and words that begin a description of its place.
 _BEFORE = re.compile(r"^(?:(?:it's|that's|this|that|it|there|here|is|are|a|an|the|my|our|one)\b[ ,]*)+", re.IGNORECASE)
 _BEHIND = re.compile(
     r"\s(?:on|of|at|in|under|over|behind|beside|near|for|which|that|with|and)\s|[,;()]|\.\s", re.IGNORECASE

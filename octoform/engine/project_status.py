@@ -32,7 +32,7 @@ NOT_RUNNING = "the endpoint is not running"
 class Process:
     """What serves the endpoint now, if anything does.
 
-    ``told`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
+    ``reported`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
     ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what engaged the emergency stop,
     which outlives the process; ``tokens`` how many open the endpoint over the network.
     """
@@ -127,10 +127,10 @@ def _problem_texts(process: Process, problems: Sequence[Diagnostic]) -> tuple[st
 
 
 def _tunnel(layout: Layout, process: Process) -> list[str]:
-    """What is promised to the internet and cannot be reached from there; a process that is silent is told already."""
+    """What is promised to the internet and cannot be reached from there; a silent process is reported already."""
     if process.reported is None or "error" in process.reported or (problem := no_tunnel(tunnel_now(layout))) is None:
         return []
-    return [problem.summary]  # why is told with what the process says of its tunnel
+    return [problem.summary]  # the process's report on its tunnel has the reason
 
 
 def _describe(item: Diagnostic) -> str:

@@ -57,7 +57,7 @@ class RunUsage:
 class RunResult:
     """How an apply or a destroy ended; ``failed`` names the node that stopped it.
 
-    ``questions`` are those that are open: one for each device whose meaning is missing. ``incomplete`` are the ids of
+    ``questions`` are those that are open: one for each unidentified device. ``incomplete`` are the ids of
     served devices that this user may not use, ``silent`` states that most of the endpoint's read tools did not answer
     in this run, empty where they did: nothing failed, and the host is degraded. ``recorded`` is the folder of a
     recorded host, whose devices cannot be opened.
@@ -112,7 +112,7 @@ class RunView(Protocol):
         """Show how it ended."""
 
 
-# The view of a run that nobody watches; what it does stands in the execution log.
+# The view of an unattended run; its actions are in the execution log.
 
 
 class Unwatched:

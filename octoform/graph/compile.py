@@ -82,7 +82,7 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: tuple[Profile, .
 
 
 def answers(manifest: Manifest) -> dict[str, str]:
-    """What a person said of devices, as key parts: the sentences themselves, so that a plan can show them."""
+    """A person's answers about devices, for the input hash: the sentences, so that a plan can show them."""
     return {f"{ANSWER}{device}": sentence for device, sentence in manifest.answers.items()}
 
 

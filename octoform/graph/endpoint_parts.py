@@ -82,5 +82,5 @@ def _of_profiles(profiles: "tuple[Profile, ...]") -> Iterator[tuple[str, str]]:
 
 
 DEFAULTS: Mapping[str, str] = _settings(Network(), Tunnel(), Policy())
-"""The text of every part that is omitted where it says just this."""
+"""The text of every part that is omitted where it is just this."""
 _USED_IN = {f"{_PREFIX}network": ("intranet", "internet"), f"{_PREFIX}tunnel": ("internet",)}

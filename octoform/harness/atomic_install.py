@@ -1,4 +1,4 @@
-"""Folders that are there as a whole or not at all, whoever fills them at the same time and wherever it is cut off.
+"""Folders that are there as a whole or not at all, with concurrent installers and after an interruption.
 
 What is fetched goes into a sibling folder first and is renamed when it is whole. A lock, which the kernel drops with
 its holder, makes a second installation wait and find the work done; what an interrupted one left is removed by the
@@ -20,7 +20,7 @@ Fetch = Callable[[str, Path], str | None]
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What an installation works with: the cache folder, the caller's variables, the package tool, and who is told."""
+    """What an installation works with: the cache folder, the caller's variables, the package tool, and a reporter."""
 
     folder: Path
     environ: Mapping[str, str]

@@ -1,4 +1,4 @@
-"""One attempt below containment, as every harness does it: environment, log, and the run told back as an Outcome.
+"""One attempt below containment, as every harness does it: environment, log, and the run reported as an Outcome.
 
 A harness only states which program to run, how the prompt reaches it and how its output is read; everything that must
 hold for any agent is here once.
@@ -22,7 +22,7 @@ from octoform.harness.watcher import Watcher
 from octoform.manifest.model import Sandbox
 from octoform.records import dataclass
 
-# What an agent says its run cost, read from a file that it may have written.
+# The cost that an agent reports of its run, read from a file that it may have written.
 #
 # The numbers come from an untrusted program, so each is checked for itself: one that is no sensible number is unknown,
 # never zero.
@@ -66,7 +66,7 @@ class Invocation:
     """The program and its arguments, the file on its standard input (None: empty), the variables that it may see.
 
     ``settings`` are variables that the harness itself sets; ``path`` are folders to put before PATH. ``dialect`` reads
-    its output; without one each line is something that it said. ``program`` names it with its version, for the record.
+    its output; without one each line is its output. ``program`` names it with its version, for the record.
     ``sandbox`` confines it where that can be had; None: it may write wherever the user may. ``closes``: its output
     always ends with a word on how the run went, so that a run without one was cut short, whatever its exit status.
     ``piped`` are variables that it gets as a JSON object on its standard input instead, since any process of the user
@@ -179,7 +179,7 @@ def outcome(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
 
 
 def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReason:
-    """What the stream said is above the exit status: several programs leave with 0 after a failure."""
+    """The event stream is above the exit status: several programs leave with 0 after a failure."""
     if ended.reason == "ordered" and watcher.reason is not None:
         return watcher.reason
     if ended.reason != "ended":
@@ -192,7 +192,7 @@ def _reason(ended: Ended, invocation: Invocation, watcher: Watcher) -> ExitReaso
 
 
 def _silent(invocation: Invocation, watcher: Watcher) -> bool:
-    """Nothing told how the run went, where something always does."""
+    """No event reported how the run went, although this program always sends one."""
     return invocation.closes and watcher.closed is None and watcher.problem is None
 
 
@@ -226,7 +226,7 @@ def _detail(ended: Ended, task: Task, invocation: Invocation, watcher: Watcher) 
 
 
 def _words(ended: Ended, watcher: Watcher) -> str:
-    """What the program itself said of its end; where that is nothing, what it complained of last as it failed."""
+    """The program's own closing message; where there is none, its last error."""
     closed = watcher.closed
     lines = [watcher.problem.text] if watcher.problem is not None else []
     lines += [closed.text] if closed is not None and not closed.ok and closed.text else []

@@ -94,7 +94,7 @@ def _version(pin: Pin, located: Located, environ: Mapping[str, str], install: st
 
 
 def _node(pin: Pin, located: Located, environ: Mapping[str, str], install: str) -> Check | None:
-    """The node that the program runs on; None where nothing can be said against the machine's having none."""
+    """The node that the program runs on; None where the machine needs none."""
     wanted = pin.node or (0, 0)
     version = node_version(located, environ)
     if version is not None and at_least(version, wanted):

@@ -91,7 +91,7 @@ _TOO_LONG = re.compile(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,2
 
 
 def problem(text: str, status: int | None = None, *, final: bool = False) -> ModelProblem:
-    """What a message about a failed request means; ``status`` is its HTTP status where the program tells it apart.
+    """What a message about a failed request means; ``status`` is its HTTP status where the program reports it apart.
 
     A refused key is final, and so is a request that is never taken: the next one is refused as well. What fits nothing
     known counts as crashed.

@@ -1,7 +1,7 @@
 """Install the program of a harness in the version that octoform was tried with, into the cache folder of the user.
 
 npm by itself takes the newest version that fits the node it runs on, so the version is named and read back. The
-record that makes a folder count as installed (see `installed`) is written last, after the program has said its
+record that makes a folder count as installed (see `installed`) is written last, after the program has printed its
 version at its final place: install scripts that were needed and did not run are found here and not by an agent.
 """
 
@@ -43,7 +43,7 @@ FLAGS = (
 
 @dataclass(frozen=True, slots=True)
 class Installation:
-    """A program that is installed; ``anew`` is False when it was there already. ``node`` is None for the machine's."""
+    """An installed program; ``is_new`` is False when it was there already. ``node`` is None for the machine's."""
 
     pin: Pin
     home: Path
@@ -60,7 +60,7 @@ def home_of(pin: Pin, environ: Mapping[str, str]) -> Path:
 def install(pin: Pin, setup: Setup) -> Installation | Diagnostic:
     """Install it unless it is there and whole; blocks for as long as npm takes, at most 15 minutes.
 
-    ``setup.say`` is told each step for a person. An interruption leaves nothing that counts as installed.
+    ``setup.report`` gets each step for a person. An interruption leaves nothing that counts as installed.
     """
     home = home_of(pin, setup.environ)
     used: list[Node] = []
@@ -159,7 +159,7 @@ def _program(home: Path, pin: Pin) -> Path:
 
 
 def _last_lines(done: ShortRun) -> str:
-    """The end of what npm said, without credentials."""
+    """The end of npm's output, without credentials."""
     lines = [line.rstrip() for line in (done.stdout + done.stderr).splitlines() if line.strip()]
     return masked("\n".join(lines[-REASON_LINES:]))[-REASON_CHARS:]
 

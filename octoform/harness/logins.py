@@ -1,4 +1,4 @@
-"""The logins of the person who runs octoform, for agents whose manifest says `login: true`."""
+"""The logins of the person who runs octoform, for agents whose manifest has `login: true`."""
 
 import base64
 import binascii

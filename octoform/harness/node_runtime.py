@@ -52,7 +52,7 @@ def of_machine(environ: Mapping[str, str], oldest: tuple[int, int]) -> Node | No
 
 
 def machine_version(environ: Mapping[str, str]) -> str | None:
-    """What ``node --version`` on PATH says (``22.20.0``); None when there is none, or it does not answer."""
+    """The output of ``node --version`` on PATH (``22.20.0``); None when there is none, or it does not answer."""
     program = shutil.which("node", path=environ.get("PATH"))
     return version_of(program, environ) if program else None
 

@@ -1,6 +1,6 @@
-"""The harness port: how any agent is given one task and how its run is told back.
+"""The harness port: how any agent is given one task and how its run is reported.
 
-An agent gets a folder, a prompt and the name of one file to write. What it says about itself (exit status, closing
+An agent gets a folder, a prompt and the name of one file to write. What it reports about itself (exit status, closing
 words) is recorded and never believed: only the gate decides whether the output counts.
 """
 
@@ -124,9 +124,9 @@ class Task:
 class Outcome:
     """How the run ended; ``exit_status`` is negative for a signal, None when nothing was started.
 
-    ``turns`` counts replies of the model, None where the harness cannot tell. ``program`` is the program that ran,
-    with its version where it said one. ``unconfined`` states why the agent ran without a sandbox that was to be had;
-    empty where it was confined or was not to be.
+    ``turns`` counts replies of the model, None where the harness does not report it. ``program`` is the program that
+    ran, with its version where it reported one. ``unconfined`` states why the agent ran without a sandbox that was to
+    be had; empty where it was confined or was not to be.
     """
 
     reason: ExitReason
@@ -142,7 +142,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class Output:
-    """A line that the agent printed or its model said; empty text after ten silent seconds."""
+    """A line that the agent printed or its model wrote; empty text after ten silent seconds."""
 
     text: str
 

@@ -1,4 +1,4 @@
-"""A recorded run: what the agents of each stage did, said, wrote and used, so that it can be played again.
+"""A recorded run: what the agents of each stage did, printed, wrote and used, so that it can be played again.
 
 A folder with ``recording.json`` and the files that it names. It is made to be given away and to lie in git, so it holds
 kinds only; and anyone who plays it takes it as data of a stranger: names stay below the folder, links are not followed.
@@ -40,7 +40,7 @@ class Output(Persisted):
 
 
 class Attempt(Persisted):
-    """One attempt, as its record tells it; ``refused`` are the codes of the errors that it was refused with.
+    """One attempt, as in its record; ``refused`` are the codes of the errors that it was refused with.
 
     ``output`` is None when it wrote none; ``spec_edit`` and ``transcript`` are names of files.
     """

@@ -54,7 +54,7 @@ def short_run(
 ) -> ShortRun:
     """Run it in an empty folder of its own, which is removed, with an empty standard input.
 
-    ``seconds`` bound the run; ``waiting`` is told the seconds so far every ten seconds. OSError only for what octoform
+    ``seconds`` bound the run; ``waiting`` gets the seconds so far every ten seconds. OSError only for what octoform
     itself cannot write or start; an interrupt by the person ends the whole tree.
     """
     keeper = _Keeper(waiting)
@@ -103,7 +103,7 @@ _VERSION = re.compile(r"\d+\.\d+(?:\.\d+)?[0-9A-Za-z.+-]*")
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """What a program said of itself: its version, or why there is none."""
+    """A program's answer about itself: its version, or why there is none."""
 
     version: str | None
     problem: str = ""

@@ -60,7 +60,7 @@ def encode(moments: Iterable[Moment]) -> bytes:
 
 
 def used(moments: Iterable[Moment]) -> tuple[int | None, Usage]:
-    """Replies of the model so far (None where none is told) and what they used; as the watcher counts, unpriced."""
+    """Replies of the model so far (None where none is reported) and what they used; as the watcher counts, unpriced."""
     turns, summed, totals = None, Usage(), None
     for moment in moments:
         match moment.event:

@@ -35,7 +35,7 @@ from octoform.harness.port import (
 from octoform.redaction import redacted
 
 CLOSING_SECONDS = 10.0
-"""How long a program may take to leave after it has said that its run is over."""
+"""How long a program may take to leave after it has reported that its run is over."""
 LONGEST_LINE = 8 << 20
 TRANSCRIPT_BYTES = 4 << 20
 KINDS = {
@@ -101,7 +101,7 @@ class Watcher:
 
     @property
     def turns(self) -> int | None:
-        """Replies of the model so far; None when this output does not tell."""
+        """Replies of the model so far; None when this output does not report them."""
         return self._seen.turns if self._dialect is not None else None
 
     @property
@@ -213,7 +213,7 @@ class Watcher:
             case ToolCalled() | ToolReturned():
                 seen.problem = None
             case Replying():
-                # It may yet be cut off, so the trouble stands; but a long reply is no trying again.
+                # It may yet be cut off, so the problem stays; but a long reply is no trying again.
                 seen.trouble_since = self._clock()
             case Totals():
                 seen.totals = event.usage
@@ -289,7 +289,7 @@ class _Transcript:
         data = line.encode("utf-8", "replace") + b"\n"
         self._left -= len(data)
         if self._left >= 0:
-            # A full disk is told by what octoform writes next; the run itself must still be seen to its end.
+            # octoform's next write reports a full disk; the run itself must still be seen to its end.
             with suppress(OSError):
                 os.write(self._descriptor, data)
 

@@ -208,7 +208,7 @@ def build(
     variables: tuple[str, ...],
     environ: Mapping[str, str],
 ) -> Manifest:
-    """The manifest of a document without errors; ``environ`` tells whose models are meant by a reference."""
+    """The manifest of a document without errors; ``environ`` resolves references to models."""
     builder = _Builder(source, path.parent, environ)
     stages = {name: builder.stage(name) for name in STAGES}
     keepers = {name: builder.stage(name) for name in KEEPERS}

@@ -144,9 +144,9 @@ def split_model(model: str, harness: str) -> tuple[Provider, str]:
 
 # What looks like a secret, and how it is kept out of every message.
 #
-# A manifest stands in git, so a literal credential in it is already a leak; the message about it must not be a second
+# A manifest is in git, so a literal credential in it is already a leak; the message about it must not be a second
 # one. Beside what shows by its form that it is a secret (`octoform.redaction`) it is any literal under a key or behind
-# an option whose name says that it is one.
+# an option whose name marks it as one.
 
 __all__ = ["assigned_in", "found_in", "is_secret_name", "key_blocks", "masked"]
 

@@ -214,7 +214,7 @@ def check_scope(document: Document, root: Table, report: ProblemList) -> None:
 
 
 def _rules(document: Document, root: Table, report: ProblemList) -> None:
-    """A name that an earlier rule has taken already; what a later one says of it would look as if it were in force."""
+    """A name that an earlier rule has taken already; a later one's setting for it would look as if it were in force."""
     taken: dict[str, int] = {}
     for index, rule in enumerate(document.policy.rules):
         for at, glob in enumerate(rule.tools):
@@ -233,8 +233,8 @@ def _rules(document: Document, root: Table, report: ProblemList) -> None:
 
 # The privileged steps that a manifest switches on, each with its place.
 #
-# Whether a step exists is told by the files of the protocol, which the manifest does not know; whoever knows both needs
-# the place for what there is to say.
+# Only the files of the protocol show whether a step exists, and the manifest does not know them; a caller with both
+# needs the place for what there is to say.
 
 
 def named_steps(root: Table, report: ProblemList) -> tuple[NamedStep, ...]:

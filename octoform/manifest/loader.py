@@ -52,7 +52,7 @@ def parse(content: bytes, path: Path, environ: Mapping[str, str]) -> tuple[Manif
 def named_profiles(path: Path) -> tuple[ProfileSource, ...]:
     """The profiles that a manifest names and that are there, also of a manifest with problems.
 
-    So that the problems of all files can be reported at once; what is wrong with the manifest is told by `load`.
+    So that the problems of all files can be reported at once; `load` reports what is wrong with the manifest.
     """
     report = ProblemList(str(path))
     content = read(path, report)

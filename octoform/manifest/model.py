@@ -82,7 +82,7 @@ class Policy:
     def timeout_for(self, name: str) -> float:
         """Seconds that one call of a tool may take.
 
-        A mapping has no order, so of several globs the one that says most decides: a name in full, then the one with
+        A mapping has no order, so of several globs the most specific one decides: a name in full, then the one with
         the most fixed characters; of equal ones the shortest time.
         """
         found = [(_weight(glob), -length) for glob, length in self.timeouts if fnmatchcase(name, glob)]
@@ -106,7 +106,7 @@ EVERY_INTERFACE = "all"
 FIRST_PORT = 7777
 TUNNEL_URL = "{url}"
 TUNNEL_COMMAND = ("cloudflared", "tunnel", "--no-autoupdate", "--url", TUNNEL_URL)
-# What may stand in braces in the arguments of a command, and is filled in for each attempt.
+# What may be in braces in the arguments of a command, and is filled in for each attempt.
 PLACEHOLDERS = ("prompt_file", "task", "output", "workdir", "model", "stage", "prompt")
 
 
@@ -325,9 +325,9 @@ class Manifest:
     ``variables`` are the names of all environment variables that the manifest refers to, passes on or takes a key from,
     sorted. ``prices`` are by the model's name as `StageSettings.model` has it; ``run_usd`` is what one run may cost in
     all, in US dollars. ``network`` is None in scope local, ``tunnel`` in every scope but internet. ``answers`` are what
-    a person said of a device, by the device's id. ``step`` is in force for every privileged step (None only where a
-    manifest was made without a file); ``privileged_steps`` are those that are switched on, in the order of the file.
-    ``keepers`` are WATCH and HEAL, the agents that the daemon asks.
+    a person answered about a device, by the device's id. ``step`` is in force for every privileged step (None only
+    where a manifest was made without a file); ``privileged_steps`` are those that are switched on, in the order of the
+    file. ``keepers`` are WATCH and HEAL, the agents that the daemon asks.
     """
 
     path: Path

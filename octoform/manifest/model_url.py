@@ -36,7 +36,7 @@ def url_complaint_as_written(text: str) -> tuple[str, str] | None:
     """As `complaint`, of a string that may hold references; what they stand for is not known here."""
     if not contains(text):
         return url_complaint(text)
-    # A digit may stand in a host, a port and a path; what begins with a reference may begin with any scheme.
+    # A digit may be in a host, a port and a path; what begins with a reference may begin with any scheme.
     filled = _REFERENCE.sub("1", text)
     return url_complaint(f"http://{filled}" if text.startswith("${") else filled)
 

@@ -27,7 +27,7 @@ from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confin
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
 
-# The words of the manifest's messages, apart from the rules: a text can be improved without reading the logic.
+# The words of the manifest's messages, apart from the rules: a message can be improved without reading the logic.
 
 TYPES = {
     "string_type": "a string",
@@ -125,7 +125,7 @@ def kind(node: yaml_tree.Node | None) -> str:
     return "a number" if isinstance(value, int) else "a string"
 
 
-# Which keys may stand where in a manifest, for what is said of a key that may not. (Heavy: the document.)
+# Which keys may stand where in a manifest, for the message about a key that may not. (Heavy: the document.)
 
 # Also where a key belongs that stands elsewhere; the first place counts.
 _PLACES: tuple[tuple[Loc, type[BaseModel]], ...] = (

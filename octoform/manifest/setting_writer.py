@@ -41,7 +41,7 @@ def put(text: str, table: str, key: str, value: str) -> str | None:
     entry = root.get(table)
     if entry is None:
         longer = _appended(lines, table, key, value)
-        # A text in braces, or one whose end is marked, has no next line.
+        # A value in braces, or one whose end is marked, has no next line.
         return longer if _root(longer) is not None else None
     name, content = entry
     if not isinstance(content, Table):

@@ -211,7 +211,7 @@ class _Rules:
             self._report.error("MANIFEST-NO-MODEL", what, self._span(agent.at), hint=_MODEL_HINT)
 
     def _key(self, agent: Agent) -> None:
-        """Tell of a key that the agent will look for by itself and not find; a named one is told where it stands."""
+        """Report a key that the agent will look for by itself and not find; a named one where it is named."""
         provider = conversion.provider_of(agent.model or "", agent.name, self._environ)
         settings = agent.settings
         if settings is None or (settings.key is None and not has_login(settings)):

@@ -127,4 +127,4 @@ HARNESSES: tuple[Loc, ...] = (
 KEYS: tuple[Loc, ...] = (*((*loc, "key") for loc in HARNESSES), ("housekeeping", "key"))
 BASE_URLS: tuple[Loc, ...] = (*((*loc, "base_url") for loc in HARNESSES), ("housekeeping", "base_url"))
 WEBHOOK: Loc = ("daemon", "notify", "webhook")
-"""The URL that is told of problems; whoever has it may write there, so it may be a secret as a whole."""
+"""The URL that gets the alerts; anyone who has it may write there, so it may be a secret as a whole."""

@@ -1,4 +1,4 @@
-"""Which cameras a host has, and which of them is looked through when no one said so.
+"""Which cameras a host has, and which of them is used when no one named one.
 
 A camera that shares a hub with what is commanded may vanish just when it is needed, and one that is built into the
 machine looks at the person in front of it and not at the bench.
@@ -91,7 +91,7 @@ def _takes_pictures(tool: Mapping[str, Any]) -> bool:
 
 
 def _arguments(tool: Mapping[str, Any], device: str) -> dict[str, Any] | None:
-    """The least that the tool must be told to take a picture of this device; None where that is not known.
+    """The fewest arguments that the tool needs to take a picture of this device; None where that is not known.
 
     A test's arguments are not taken: they are chosen to be quick, and may ask for a picture of a few pixels.
     """

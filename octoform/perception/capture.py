@@ -1,6 +1,7 @@
 """One picture through the live endpoint, as any client would take it, and what it looks like.
 
-The camera is opened by the generated server alone, under its lock and the policy; whoever wants to see asks it.
+The camera is opened by the generated server alone, under its lock and the policy; a caller that wants a picture asks
+it.
 """
 
 import base64
@@ -22,7 +23,7 @@ from octoform.endpoint.client.terminal import CallResult, Person, Wanted, call
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
-# What a picture says of its camera: whether it shows anything, is a new one, and differs from another.
+# What a picture shows of its camera: whether it shows anything, is a new one, and differs from another.
 #
 # Pure functions on a few figures and a small grey thumbnail. Every pixel of the thumbnail is the mean of a hundred or
 # more of the picture's, so noise is small in it, and what moved is not.
@@ -122,7 +123,7 @@ def _fit(a: bytes, b: bytes) -> tuple[float, float]:
     return gain, (sum_b - gain * sum_a) / count
 
 
-# What pictures look like, told by a program in the serving environment: nothing here can read a picture.
+# The looks of pictures, measured by a program in the serving environment: nothing here can read a picture.
 #
 # The environment of a server that takes pictures has a library that can. The program opens what came from a device,
 # so it is a process of its own, with a time limit.
@@ -207,7 +208,7 @@ def take(layout: Layout, view: Mapping[str, Any], person: Person | None = None) 
     """Take one picture with the tool of ``view`` (``{"tool", "arguments"}``); the endpoint is started if need be.
 
     The diagnostic shows why there is none: an ENDPOINT code where the call was not answered, PERCEPTION-TOOL-FAILED
-    where the tool said why, PERCEPTION-NO-PICTURE and PERCEPTION-BROKEN-PICTURE for its answer,
+    where the tool gave the reason, PERCEPTION-NO-PICTURE and PERCEPTION-BROKEN-PICTURE for its answer,
     PERCEPTION-NOT-DECODED where nothing can look into it.
     """
     tool = str(view["tool"])

@@ -1,6 +1,6 @@
 """What is known of the pictures: the last two, why there is none, and a summary that never grows.
 
-Whoever judges a host gets this instead of a film: two pictures at most and a few lines. A look without a picture makes
+A judge of a host gets this instead of a film: two pictures at most and a few lines. A look without a picture makes
 the last one old at once: what a camera showed before states nothing about what it would show now. (Heavy: pydantic.)
 """
 
@@ -93,7 +93,7 @@ class Frame(_Kept):
 
     @property
     def suspected(self) -> bool:
-        """True when a sensor's picture came again and a few more are needed to tell whether the camera stands still."""
+        """True when a sensor's picture came again and a few more are needed to find whether the camera is frozen."""
         return self.complaint is None and self.repeats > 0 and self.frozen is None and noisy(self.picture)
 
 
@@ -158,7 +158,7 @@ def with_absence(record: Record | None, problem: Diagnostic, at: str) -> Record:
 
 
 def reason_of(problem: Diagnostic) -> str:
-    """A problem in one short line; what a device or a tool said is made visible in it."""
+    """A problem in one short line; text of a device or a tool is escaped in it."""
     words = f"{problem.summary}: {problem.detail}" if problem.detail else problem.summary
     flat = escaped(" ".join(words.split())).rstrip(".")
     return flat if len(flat) <= REASON_CHARS else flat[: REASON_CHARS - 1] + "…"
@@ -226,7 +226,7 @@ def _seconds(since: str, at: str) -> float:
 
 
 def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:
-    """What is worth a line: an absence that ended, trouble that came or went, another camera, a scene that changed."""
+    """What is worth a line: an absence that ended, a problem that came or went, another camera, another scene."""
     found = []
     if known.absent is not None:
         found.append(f"{known.absent.since} to {frame.at}: no picture because {known.absent.reason}")
@@ -331,11 +331,11 @@ def _moved(old: Path, new: Path) -> None:
     try:
         move(old, new)
     except FileNotFoundError:
-        return  # it was removed by hand; the record's digest tells
+        return  # it was removed by hand; the record's digest shows it
 
 
 def _sweep(folder: Path, record: Record) -> None:
-    """Remove pictures that no record tells of: of another kind, or half written by a run that was killed."""
+    """Remove pictures that no record names: of another kind, or half written by a run that was killed."""
     names = {frame.file for frame in (record.current, record.previous) if frame is not None}
     for path in folder.iterdir():
         if path.name.startswith(_STEMS) and path.name not in names and not path.is_dir():

@@ -14,7 +14,7 @@ from octoform.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """What the state says of one node."""
+    """The state's entry for one node."""
 
     status: str
     key_parts: Mapping[str, str]
@@ -90,7 +90,7 @@ def _plan_node(
     if known.status == "accepted":
         changed = _changed(node, known, outputs, observed, wishes, frozenset(upstream))
         spoken = any((reason.part or "").startswith(ANSWER) for reason in changed)
-        # What a new answer breaks is told by the answer.
+        # The new answer is the reason for what it breaks.
         reasons = [item for item in broken if not (spoken and item.cause is Cause.CONTRACT)] + changed
     if reasons:
         return _action(node, _word(reasons, known), tuple(reasons), known, certain=True)
@@ -186,7 +186,7 @@ def _action(
 
 # Which of the planned stages can be taken from another host instead of running their agents. Pure.
 #
-# A stage whose inputs are known has a known key, and with the output that is lent for it the key of the next stage is
+# A stage whose inputs are known has a known key, and with the output that is reused for it the key of the next stage is
 # known as well. Behind a stage that really runs, nothing is known before it has run.
 
 WANTED_ANEW = frozenset({Cause.REQUESTED, Cause.TAINTED})
@@ -247,7 +247,7 @@ def _without_inputs(parts: Mapping[str, str]) -> dict[str, str]:
     return {name: value for name, value in parts.items() if not name.startswith("input.")}
 
 
-# Which tools come, go or are only called something else, between what the endpoint offers and what INTERFACE says.
+# Which tools come, go or are only called something else, between what the endpoint offers and what INTERFACE has.
 #
 # What a tool is for are its devices and what it does to them; its name is a word. So a tool that goes while one comes
 # for the same devices with the same effect, each of them the only one, was renamed. Pure.

@@ -67,7 +67,7 @@ class Reuse:
 
 @dataclass(frozen=True, slots=True)
 class PlannedAction:
-    """What the plan says of one node.
+    """The plan's entry for one node.
 
     ``certain`` is False for a node whose inputs are known only after apply: it runs only if they come out
     different. ``calls_agent`` shows whether running it starts an agent, ``calls_model`` whether that agent may
@@ -113,7 +113,7 @@ class StepOutlook:
 
 @dataclass(frozen=True, slots=True)
 class OpenQuestion:
-    """A device whose meaning is missing, and the one sentence that would supply it.
+    """An unidentified device, and the one sentence that would supply it.
 
     ``tier`` states what such a sentence has to hold: 2 a name, 3 a description of how the device is used.
     """
@@ -126,7 +126,7 @@ class OpenQuestion:
 
 @dataclass(frozen=True, slots=True)
 class NamedDevice:
-    """A device that is named, and how much a person had to say for that: tier 1 nothing, 2 a name, 3 a description."""
+    """A device that is named, and a person's input for that by the paper's tiers: 1 none, 2 a name, 3 a description."""
 
     device: str
     name: str
@@ -137,7 +137,7 @@ class NamedDevice:
 
 @dataclass(frozen=True, slots=True)
 class ProfileUse:
-    """A profile that holds for a device (``NOOP``), would then hold (``CREATE``) or no longer would (``DESTROY``)."""
+    """A profile that matches a device (``NOOP``), will match it (``CREATE``) or no longer will (``DESTROY``)."""
 
     profile: str
     device: str
@@ -146,7 +146,7 @@ class ProfileUse:
 
 @dataclass(frozen=True, slots=True)
 class NearProfile:
-    """A profile that would hold for a device if a person said the word of it: all else that its rule asks is there."""
+    """A profile that would match a device if a person's answer had its word: all else of its rule is met."""
 
     profile: str
     device: str
@@ -167,7 +167,7 @@ class Change:
 class Plan:
     """All actions of one operation on one host, in the order of work.
 
-    ``tier1``: made as if no person had said anything of the hardware, without profiles and answers.
+    ``tier1``: made as if no person had described the hardware, without profiles and answers.
     """
 
     host: str

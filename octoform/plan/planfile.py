@@ -48,7 +48,7 @@ class PlanFile(BaseModel):
 
 @dataclass(frozen=True, slots=True)
 class Moved:
-    """A constraint of one unit that no longer holds; ``text`` tells more of it where there is more to tell."""
+    """A constraint of one unit that no longer holds; ``text`` has more of it where there is more."""
 
     unit: str
     part: str

@@ -1,4 +1,4 @@
-"""Read the ``grammar`` of a profile, of either kind: every problem of it with its place, or the protocol definition.
+"""Read the ``grammar`` field of a profile, of either kind: every problem with its place, or the definition.
 
 Pure.
 """
@@ -40,10 +40,11 @@ def read(given: object) -> tuple[Grammar | None, list[Problem]]:
     return (None if found.problems else grammar), found.problems
 
 
-# The bounds of a grammar as limits of its profile, so that they hold outside the generated code as well. Pure.
+# The bounds of a protocol definition as limits of its profile, so that they hold outside the generated code as well.
+# Pure.
 #
 # What an author wrote under ``limits`` is enforced by the endpoint whatever the server does. The same must hold for
-# each number of each command, and nobody should have to write it a second time.
+# each number of each command, and no one should have to write it a second time.
 
 Limit = Mapping[str, Any]
 
@@ -87,7 +88,7 @@ def _limit(tool: Tool, value: Value, given: tuple[Limit, ...]) -> dict[str, Any]
 
 
 def idle(limit: Limit, tools: Iterable[Tool]) -> tuple[str, str, str] | None:
-    """The member of a limit that names nothing of the grammar, what is wrong with it, and what to do; else None."""
+    """The member of a limit that names nothing of the definition, what is wrong with it, and what to do; else None."""
     listed = {tool.tool: tool for tool in tools}
     glob, name, zero = limit.get("tool", "*"), limit.get("parameter"), limit.get("zero")
     meant = [tool for tool in listed.values() if isinstance(glob, str) and fnmatchcase(tool.tool, glob)]

@@ -28,7 +28,7 @@ class Value:
 class Tool:
     """What a command becomes, whatever the kind of its grammar: its name, its effect and what a caller may say.
 
-    ``do`` is what the device is made to do where no line of a grammar says it. ``stop`` ends a movement.
+    ``do`` is the action of the device where no line of a protocol definition has it. ``stop`` ends a movement.
     """
 
     tool: str

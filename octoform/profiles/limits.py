@@ -16,9 +16,9 @@ FIELDS = (
 )
 RANGE = ("minimum", "maximum")
 BOUNDS = (*RANGE, "step", "cumulative")
-"""What a limit says of the value of a parameter."""
+"""The fields of a limit for the value of a parameter."""
 PACES = ("rate", "cooldown", "quiet_hours")
-"""What a limit says of calls, whatever their arguments."""
+"""The fields of a limit for calls, whatever their arguments."""
 
 Problem = tuple[str, str | None]
 
@@ -33,7 +33,7 @@ def problem(item: Mapping[str, Any]) -> Problem | None:
 
 
 def _scope(item: Mapping[str, Any], bounds: list[str], paces: list[str]) -> Problem | None:
-    """Whether it limits anything, and says of what."""
+    """Whether it limits anything, and names what."""
     if not bounds and not paces:
         return "the limit bounds nothing", f"give it one of {', '.join((*BOUNDS, *PACES))}"
     if bounds and "parameter" not in item:

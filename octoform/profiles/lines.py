@@ -52,7 +52,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """One axis of a counted position: the command that moves it, and the parameter that says by how much."""
+    """One axis of a counted position: the command that moves it, and the parameter for the distance."""
 
     name: str
     tool: str
@@ -126,7 +126,7 @@ def _present_command(command: Command) -> dict[str, Any]:
     return present({**document, "parameters": parameters, "reply": reply, "fields": fields})
 
 
-# Read the grammar of a line protocol: every problem of it with its place, or the grammar. Pure.
+# Read the definition of a line protocol: every problem of it with its place, or the definition. Pure.
 #
 # What is refused here is what could make a tool a raw pipe: text that a caller chooses freely, control characters and
 # line ends inside a command, a number without bounds that moves something.
@@ -153,12 +153,12 @@ _COMMANDS = 'write commands: [{tool: lamp_off, send: "OFF", about: "switch the l
 
 
 def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineGrammar:
-    """The grammar that a front-matter value says; whatever it is, with every problem of it in ``found``."""
+    """The protocol definition of a front-matter value, with every problem of it in ``found``."""
     found.mapping(whole, place, "the protocol definition", FIELDS)
     line = _line(found, whole.get("line"), (*place, "line"))
     items = found.items(whole.get("commands"), (*place, "commands"), MOST_COMMANDS, _COMMANDS)
     commands = [_command(found, item, (*place, "commands", index)) for index, item in enumerate(items)]
-    # Where nothing is acknowledged, nobody knows what was done: it is not counted, and it ends no stop.
+    # Where nothing is acknowledged, what was done is unknown: it is not counted, and it ends no stop.
     known = [command for command in commands if line.ok is not None or command.reply]
     by_tool = {command.tool: command for command in known if command.tool}
     position = _position(found, whole["position"], (*place, "position"), by_tool) if "position" in whole else None
@@ -208,7 +208,7 @@ def _halt(found: Found, given: object, place: Place, commands: Mapping[str, Comm
 
 
 def _mover(found: Found, name: object, place: Place, commands: Mapping[str, Command]) -> str:
-    """The name of a command that moves something: what a read says or does is no movement."""
+    """The name of a command that moves something: the effect of a read is no movement."""
     tool = found.named(name, commands, place, "command of this protocol definition that is acknowledged")
     if tool and commands[tool].effect == "read":
         found.add(place, f"the command {tool!r} is a read and moves nothing")

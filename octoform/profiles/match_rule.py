@@ -44,7 +44,7 @@ def read(value: object, place: Place) -> tuple[Rule | None, list[Problem]]:
 def holds(rule: Rule, device: Mapping[str, Any], answer: str = "") -> bool:
     """Whether the rule holds for one PROBE device; never raises, whatever the device's members are.
 
-    ``answer`` is what a person said of the device; it counts as text of it and as nothing else, and a clause of it
+    ``answer`` is a person's answer about the device; it counts as text of it and as nothing else, and a clause of it
     that denies something counts for nothing: what a device is not names no product.
     """
     if rule.kind == "any":
@@ -136,7 +136,7 @@ def nearness(judged: Judged) -> tuple[int, int, int]:
 
 
 def words_wanting(rule: Rule, device: Mapping[str, Any]) -> tuple[str, ...]:
-    """The words of which one, said of a device, would make the rule hold: where its number is met and no more lacks."""
+    """The words of which one in an answer would make the rule match: where its number is met and no more lacks."""
     tests = tuple(_tests(rule))
     if holds(rule, device) or not any(test.kind == "vid_pid" and holds(test, device) for test in tests):
         return ()

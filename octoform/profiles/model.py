@@ -16,7 +16,7 @@ Grammar = LineGrammar | RegisterGrammar
 
 
 def plain(grammar: Grammar, *, of_product: bool = False) -> dict[str, Any]:
-    """The grammar as JSON, as an agent's task has it; members without a value are left out.
+    """The protocol definition as JSON, as an agent's task has it; members without a value are omitted.
 
     ``of_product`` leaves out what is true of the owner's own copy alone.
     """
@@ -76,5 +76,5 @@ class Profile:
 
     @property
     def describes(self) -> bool:
-        """Whether it says how to talk to something that nobody else knows; behind a public library a name is enough."""
+        """Whether it defines a protocol that is not public; behind a public library a name is enough."""
         return isinstance(self.grammar, LineGrammar)

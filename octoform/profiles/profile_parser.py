@@ -156,7 +156,7 @@ def _is_bytes(value: object) -> bool:
         return False
 
 
-# Prose of four pages and a grammar that names every unit, field and command, with facts of the owner's own copy.
+# Prose of four pages and a definition that names every unit, field and command, with facts of the owner's own copy.
 MOST_BYTES = 12 * 1024
 FIELDS = ("name", "about", "product", "evidence", "limits", "stop", "grammar", "rig")
 PROGRAMS = frozenset(
@@ -281,7 +281,7 @@ def _is_program(path: Path) -> str | None:
         if path.is_file() and path.stat().st_mode & 0o111:
             return "it is marked as executable"
     except OSError:
-        return None  # reading it says why
+        return None  # reading it reports why
     return None
 
 
@@ -358,7 +358,7 @@ def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnos
     listed = given if isinstance(given, Mapping) else {}
     found = _unknown(document, listed, BENCH_FIELDS, ("rig",))
     bounds, more = _limits(document, listed.get("limits", []), ("rig", "limits"))
-    if grammar is None and "grammar" in document.fields and listed:  # its own problems are told; units are not known
+    if grammar is None and "grammar" in document.fields and listed:  # its problems are reported; units are unknown
         given = {name: value for name, value in listed.items() if name not in OF_UNITS}
     rig = read_bench(problems, given, bounds, grammar)
     lines = [document.problem("PROFILE-RIG", summary, place, hint) for place, summary, hint in problems.problems]

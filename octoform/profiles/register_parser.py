@@ -24,7 +24,7 @@ from octoform.profiles.registers import (
     Speed,
 )
 
-# Read the commands of a grammar of registers: each does one thing of a closed list, with names that resolve. Pure.
+# Read the commands of a register definition: each does one thing of a closed list, with names that resolve. Pure.
 
 MOST_COMMANDS, MOST_TOLD = 40, 20
 COMMAND_FIELDS = ("tool", "do", "about", "fields", "scale", "pose", "release")
@@ -350,14 +350,14 @@ WIDTHS = (1, 2, 4)
 MOST_PROTOCOL = 2
 UNIT_TAKEN = ("position", "percent", "speed", "on")
 FIELD_TAKEN = ("id", "skipped", "calibrated", "from", "moved")
-"""What a result says of each unit beside its fields."""
+"""The members of a result for each unit beside its fields."""
 _DISTRIBUTION = re.compile(r"[A-Za-z0-9]+(?:[._-][A-Za-z0-9]+)*")
 _MODULE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*")
 _LIBRARY = "write library: {distribution: name-on-pypi, module: imported_as, protocol: 0}"
 
 
 def read(found: Found, whole: Mapping[str, Any], place: Place) -> RegisterGrammar:
-    """The grammar that a front-matter value says; whatever it is, with every problem of it in ``found``."""
+    """The protocol definition of a front-matter value, with every problem of it in ``found``."""
     found.mapping(whole, place, "the protocol definition", FIELDS)
     registers = _registers(found, whole.get("registers"), (*place, "registers"))
     return RegisterGrammar(registers, read_commands(found, whole.get("commands"), (*place, "commands"), registers))

@@ -111,7 +111,7 @@ class Registers:
 
 @dataclass(frozen=True, slots=True)
 class Action:
-    """One command and the tool that it becomes; ``fields`` are what a read tells."""
+    """One command and the tool that it becomes; ``fields`` are what a read returns."""
 
     tool: str
     do: str

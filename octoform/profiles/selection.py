@@ -67,7 +67,7 @@ def commands(profile: Profile) -> tuple[Mapping[str, Any], ...]:
 
 
 def briefing(profile: Profile, ids: Collection[str]) -> str:
-    """The profile as an agent is told it: for which devices it holds, its limits, its prose; no other device.
+    """The profile as an agent gets it: the devices that it matches, its limits, its prose; no other device.
 
     What is true of the product and what is true of this one copy stand apart, so that neither is taken for the other.
     """

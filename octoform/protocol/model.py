@@ -36,7 +36,7 @@ class Spec:
 # Where specs and schemas lie: the project's own where it has them, the shipped ones otherwise.
 #
 # Light on purpose: which files matter must be known without reading YAML. A link that leads nowhere is the project's
-# own as well: whoever made it wants no shipped spec.
+# own as well: its author wants no shipped spec.
 
 SCHEMAS = "schemas"
 PRIVILEGED = "privileged"
@@ -107,7 +107,7 @@ class Step:
     """One privileged step.
 
     ``name`` is that of the manifest (``arm``); its node, and ``spec.stage``, is ``step.arm``. It runs only for a device
-    for which the profile of the name ``profile`` holds and that IDENTIFY annotated with it; None needs no profile.
+    for which the profile of the name ``profile`` holds and that IDENTIFY identified with it; None needs no profile.
     """
 
     name: str

@@ -76,7 +76,7 @@ class Prompt:
     """What a prompt is made of.
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
-    texts, ``answers`` what a person said of devices, by their ids, ``offered`` the profiles that match a device and
+    texts, ``answers`` a person's answers about devices, by id, ``offered`` the profiles that match a device and
     that the owner has not chosen. ``diagnostics`` and ``failed_log`` are those of the attempt before, and one of them
     makes it a retry; ``summary`` is in the place of a log's end. ``former`` is a copy of the output that is to be
     corrected, ``of_former`` what else is wrong with it, ``right`` one sentence on what is not; ``standing`` is what a
@@ -185,7 +185,7 @@ def _kind(stage: str) -> str:
 
 
 def _seen_from(workdir: Path, path: Path | None) -> str | None:
-    """A path as the agent can use it; an absolute one would tell a model the name of the user or of the company."""
+    """A path as the agent can use it; an absolute one would reveal the name of the user or the company."""
     return None if path is None else os.path.relpath(path, workdir)
 
 
@@ -202,7 +202,7 @@ def findings(items: Sequence[Diagnostic]) -> str:
         where = item.pointer or (f"line {item.span.line}" if item.span else item.path or "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
-        if item.detail:  # what a tool or a program said, or a list of items; last, for it may be long
+        if item.detail:  # output of a tool or a program, or a list of items; last, for it may be long
             text += ": " + _LINE_END.sub("; ", item.detail.strip())
         lines.append("- " + _cut(escaped(" ".join(text.split())), MOST_DIAGNOSTIC_CHARACTERS))
     if len(items) > MOST_DIAGNOSTICS:

@@ -1,7 +1,7 @@
 """Read the specs of stages and background tasks, a project's own laid over the shipped ones. (Heavy: reads YAML.)
 
 The front matter states what a stage reads and writes. octoform's order of stages is fixed, so these fields must agree
-with it: a field that could be changed without effect would mislead whoever reads it.
+with it: a field that could be changed without effect would mislead its reader.
 """
 
 import re
@@ -154,7 +154,7 @@ def _strangers(folder: Path | None) -> list[Diagnostic]:
 
 # Read the specs of privileged steps, a project's own laid over the shipped ones. (Heavy: reads YAML.)
 #
-# A step is a file: its name gives the name that the manifest switches on, its front matter says for which device it
+# A step is a file: its name gives the name that the manifest switches on, its front matter names the device that it
 # runs and what proves that it worked. So a step is added without a line of code.
 
 STEP_CONSUMES = ("identify/output.json", "interface/output.json", "serve/server.py")

@@ -165,7 +165,7 @@ class Redactor:
         return self._take(b"", last=True)
 
     def end(self, data: bytes) -> bytes:
-        """The last piece, or all of a text: nothing comes of which a part could be held back."""
+        """The last piece, or all of a string: nothing comes of which a part could be held back."""
         return self._take(data, last=True)
 
     def _take(self, data: bytes, *, last: bool) -> bytes:

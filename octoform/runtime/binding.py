@@ -15,7 +15,7 @@ from .base import serials
 from .faults import AmbiguousDevice, DeviceAbsent
 from .sysfs import files, members, path_of, place, read_text, socket, subsystem, sysroot, uevent
 
-# Tells what kind of device a sysfs folder is, in the words of device ids, and which specimen it is.
+# Determines the kind of device of a sysfs folder, in the words of device ids, and which unit it is.
 #
 # An id such as ``usb-046d-0825-2`` names a bus, a kind and an ordinal. A folder may be called in several ways (by its
 # ids, its name attribute, its driver), so it has a set of kinds and matches an id when one of them does.
@@ -31,7 +31,7 @@ _NAMES = ("name", "type", "model", "id", "description", "hid", "label", "identit
 _KIND_NAMES = ("product", "manufacturer", "model", "name")
 _ANNOUNCED = ("OF_NAME", "NAME", "HID_NAME", "POWER_SUPPLY_MODEL_NAME", "POWER_SUPPLY_TYPE", "DEVTYPE")
 _ADDRESS = re.compile(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
-# A number behind a colon or a dot counts specimens; digits that end a name itself (AMDI0010, i2c2) are the kind's.
+# A number behind a colon or a dot counts units; digits that end a name itself (AMDI0010, i2c2) are the kind's.
 _TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-fA-F]{2}|@[0-9a-f]+)+$")
 _NUMBERED = re.compile(r"[0-9:.].*$")
 _AT_ADDRESS = re.compile(r",? at \S+$")
@@ -116,7 +116,7 @@ def _kind_texts(path: Path) -> Iterator[str]:
 
 
 def _of_folder_name(path: Path) -> Iterator[str]:
-    """What the name of a folder says of a kind: a class device's before its number, an ACPI id, a 1-Wire family."""
+    """The part of a folder's name that gives a kind: a class without its number, an ACPI id, a 1-Wire family."""
     form, name = subsystem(path)
     if form == "class":
         yield _NUMBERED.sub("", path.name) or "device"
@@ -233,7 +233,7 @@ class Binding:
 
 @dataclass(frozen=True)
 class _Claim:
-    """What the instances file says of one id; nothing for an id that it does not know."""
+    """The entry of the instances file for one id; nothing for an id that it does not know."""
 
     id: str
     path: str = ""
@@ -379,7 +379,7 @@ def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list
 
 
 def _proved(claim: _Claim, claims: list[_Claim], texts: list[str]) -> _Claim:
-    """The claim, unique where its number is one among those of its kind and not what the kind says of itself."""
+    """The claim, unique where its number is one among those of its kind and not a string of the kind itself."""
     others = [other.serial for other in claims if other.id != claim.id and other.serial]
     return replace(claim, unique=claim.numbered and serials.is_distinctive(claim.serial, others, texts))
 

@@ -24,8 +24,8 @@ from .faults import DeviceFault, sentence
 
 # What one call of a tool asked of the host: the devices that it looked for, and the numbers that it read of them.
 #
-# The call log tells it with the call's result. By it a result can be held against what the kernel said: a tool that
-# asks for no device, or that gives the same number while the attribute it reads has moved, does not tell the truth.
+# The call log has it with the call's result. So a result can be compared with what the kernel returned: a tool that
+# asks for no device, or that gives the same number while the attribute it reads has moved, reports a wrong value.
 
 MOST = 8
 """Devices and numbers that are kept of one call."""

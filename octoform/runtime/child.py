@@ -4,8 +4,8 @@ A library such as OpenCV stays in a process for good once it was imported, with 
 that imports it is called in a copy of this process, which is kept while calls come and ends by itself soon after the
 last one. Arguments and results are plain values: numbers, texts, bytes, None, and lists, tuples and tables of them.
 
-The copy has none of the other files that this process has open: a lock that it kept would outlive whoever released it.
-It ends with the call that takes too long, with the process that started it, and when nobody has called for a while.
+The copy has none of the other files that this process has open: a lock that it kept would outlive its release.
+It ends with the call that takes too long, with the process that started it, and when no call has come for a while.
 Where a system's own libraries do not bear being copied (macOS), the function is called here.
 """
 
@@ -31,7 +31,7 @@ IDLE = 20.0
 TIMEOUT = 90.0
 """Seconds that one call may take: a tool may record for a minute."""
 NAME = "runtime-child"
-"""What the kernel calls such a process, so that nobody takes it for one that a tool has left running."""
+"""The process name of such a child, so that it is not mistaken for one that a tool has left running."""
 _PAUSE = 50
 """Milliseconds between two looks whether the caller was interrupted."""
 _HEAD = struct.Struct("=I")
@@ -124,7 +124,7 @@ class _Child:
     def _await_end(self) -> None:
         """Learn that the process has ended, at whatever time that is, so that nothing of it is left."""
         looks = select.poll()
-        looks.register(self._answers, 0)  # tells when the other end is closed, and nothing else
+        looks.register(self._answers, 0)  # reports when the other end is closed, and nothing else
         looks.poll()
         with self._reaped:
             self.status = os.waitpid(self.pid, 0)[1]
@@ -156,7 +156,7 @@ def _give_back(function: Callable[..., Any], child: _Child) -> None:
 
 
 def _serve(function: Callable[..., Any], asked: int, writer: int) -> NoReturn:
-    """Answer requests until none comes for a while, or nobody is there who could ask."""
+    """Answer requests until none comes for a while, or its client is gone."""
     try:
         gc.disable()  # what was copied is not this process's to clean up
         signal.set_wakeup_fd(-1)
@@ -172,7 +172,7 @@ def _serve(function: Callable[..., Any], asked: int, writer: int) -> NoReturn:
             if request is None:
                 break
             timeout, arguments = marshal.loads(request)
-            signal.setitimer(signal.ITIMER_REAL, timeout + 1)  # for when nobody is there to end it
+            signal.setitimer(signal.ITIMER_REAL, timeout + 1)  # for when no process is there to end it
             answer = _outcome(function, arguments)
             signal.setitimer(signal.ITIMER_REAL, 0)
             _write(writer, answer)
@@ -199,7 +199,7 @@ def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:
         return marshal.dumps((type(problem).__name__, str(problem), problem.name))
     except DeviceFault as problem:
         return marshal.dumps(("DeviceFault", problem.device, str(problem)))
-    except Exception as problem:  # noqa: BLE001 - whatever it is, the caller is told
+    except Exception as problem:  # noqa: BLE001 - whatever it is, the caller gets it
         return marshal.dumps((type(problem).__name__, str(problem)))
 
 
@@ -241,7 +241,7 @@ def _write(pipe: int, data: bytes) -> None:
 
 
 def _read(pipe: int) -> bytes | None:
-    """A whole message; None when nobody is there any more."""
+    """A whole message; None when the other end is gone."""
     found = bytearray()
     while len(found) < _HEAD.size or len(found) < _HEAD.size + _HEAD.unpack_from(found)[0]:
         piece = os.read(pipe, _PIECE)

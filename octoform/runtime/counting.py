@@ -97,7 +97,7 @@ def _place(device: str) -> Path | None:
 
 
 def _status(place: Path) -> object:
-    """Tells one thing at a place from the next where its content cannot; None when nothing can be reported."""
+    """Identifies the file at a path where its content cannot; None when it cannot be read."""
     try:
         status = place.lstat()
     except OSError:
@@ -228,7 +228,7 @@ class Counted:
                 _let_go(known)
             known.attached = now
             if self._step.moves and known.line < 0:
-                # Opened once more, not duplicated: whoever locks the line locks it for one exchange alone.
+                # Opened once more, not duplicated: a lock on the line lasts for one exchange alone.
                 known.line = os.open(os.ttyname(self._line), os.O_RDWR | os.O_NOCTTY | os.O_NONBLOCK | os.O_CLOEXEC)
             self._sums, self._why = known.sums, known.why
             if self._step.moves:

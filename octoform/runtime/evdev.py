@@ -31,7 +31,7 @@ class Event(NamedTuple):
 
 
 def axis(node: Path, code: int) -> dict[str, int | None]:
-    """``position``, ``minimum`` and ``maximum`` of an axis; None where the node does not tell them to this user."""
+    """``position``, ``minimum`` and ``maximum`` of an axis; None where the node does not give them to this user."""
     position, low, high = None, None, None
     with suppress(OSError), os.fdopen(os.open(node, os.O_RDONLY | os.O_NONBLOCK), "rb", 0) as event:
         position, low, high = struct.unpack_from("=3i", fcntl.ioctl(event, _EVIOCGABS + code, bytes(24)))

@@ -51,7 +51,7 @@ class DeviceAbsent(DeviceFault):
 
 
 class AmbiguousDevice(DeviceFault):
-    """Two units could be meant and nothing tells them apart; an actuator is never moved on a guess."""
+    """Two units could be meant and nothing distinguishes them; an actuator is never moved on a guess."""
 
 
 class BusBusy(DeviceFault):

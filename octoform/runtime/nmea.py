@@ -39,7 +39,7 @@ def sentences(node: str, seconds: float) -> Iterator[list[str]]:
 
 
 def degrees(text: str, half: str) -> float | None:
-    """Degrees of ``ddmm.mmmm`` and a half of the globe; None where it is not told."""
+    """Degrees of ``ddmm.mmmm`` and a half of the globe; None where it is not given."""
     if not re.fullmatch(r"\d{3,5}(\.\d+)?", text) or half not in ("N", "S", "E", "W"):
         return None
     whole, minutes = divmod(float(text), 100)
@@ -47,5 +47,5 @@ def degrees(text: str, half: str) -> float | None:
 
 
 def number(text: str) -> float | None:
-    """A number of a sentence; None where it is not told."""
+    """A number of a sentence; None where it is not given."""
     return float(text) if re.fullmatch(r"-?\d+(\.\d+)?", text) else None

@@ -1,6 +1,6 @@
 """Small bounded reads below the system root, and what sysfs links say about a folder.
 
-Attributes vanish, refuse and stall in everyday life, so a read that fails gives None and the caller says what that
+Attributes vanish, refuse and stall in everyday life, so a read that fails gives None and the caller decides what that
 means. The layout is that of the kernel's Documentation/admin-guide/sysfs-rules.rst: devices are found below
 /sys/class and /sys/bus, and `subsystem` links say what they are.
 """
@@ -137,7 +137,7 @@ def free_bytes(mounted_at: str | None) -> int | None:
     return status.f_bavail * status.f_frsize if status else None
 
 
-# Where a device is attached, without the numbers that the kernel gives anew at each plug or each start.
+# Where a device is attached, without the numbers that the kernel gives again at each plug or each start.
 #
 # The path of a folder in sysfs is the way to a device: controller, hubs, ports. Some of its parts are counted in the
 # order of discovery instead: they say nothing about the place, and the same number may be another device's tomorrow.

@@ -119,7 +119,7 @@ def carried_out(bank: Bank, moves: Iterable[Move], speed: int | None, stops: int
         if left := [f"{move.name} goes on to {move.goal}" for move in moves if move.under_way]:
             raise type(problem)(bank.device, f"{problem}; not known: whether {', '.join(left)}") from problem
         raise
-    except BaseException:  # the call was given up: nothing moves on that nobody watches
+    except BaseException:  # the call was ended: nothing may move on unsupervised
         _none_goes_on(bank, moves)
         raise
     _none_goes_on(bank, moves)
@@ -148,19 +148,19 @@ def _watched(bank: Bank, moves: list[Move], speed: int | None, stops: int) -> No
 
 
 def _none_goes_on(bank: Bank, moves: list[Move]) -> None:
-    """Tell each unit that is still under way to hold, as far as the bus lets.
+    """Order each unit that is still under way to hold, as far as the bus lets.
 
-    Whoever ends a call may interrupt it more than once: the second time does not keep the units from being held.
+    The supervisor of a call may interrupt it more than once: the second time does not keep the units from being held.
     """
     for last in (False, True):
         try:
             for move in moves:
                 if move.under_way:
-                    with suppress(UnitFault):  # its own fault was told; the others are held all the same
+                    with suppress(UnitFault):  # its own fault was reported; the others are held all the same
                         bank.exchange(move.name, "whether it stopped", partial(held, bank))
                     move.under_way = False
             return
-        except DeviceFault:  # the bus is gone, and how the call ended is what is told
+        except DeviceFault:  # the bus is gone, and how the call ended is what is reported
             return
         except BaseException:
             if last:
@@ -170,7 +170,7 @@ def _none_goes_on(bank: Bank, moves: list[Move]) -> None:
 def held(bank: Bank, talk: Talk) -> int:
     """Make a unit hold where it is: its position becomes its goal. The position.
 
-    UnitFault for one that is farther outside of its range than it wavers: told the nearest goal, it would set off.
+    UnitFault for one that is farther outside of its range than it wavers: the nearest goal would set it off.
     """
     motion = motion_of(bank)
     position = talk.count(motion.present)
@@ -285,7 +285,7 @@ def _judged(bank: Bank, move: Move, talk: Talk) -> bool:
     limp = [f"its {field} is {value}" for field, value in motion.release if talk.count(field) == value]
     why = f"{', '.join(limp)}, so something made it limp meanwhile" if limp else ""
     if move.failed(motion.moved):
-        held(bank, talk)  # what blocks it may give way later, and nobody watches then
+        held(bank, talk)  # what blocks it may give way later, unsupervised
         text = f"{move.name} acknowledged the goal {move.goal} and did not move: from {move.start} to {move.position}"
         raise bank.fault(f"{text}; {why}" if why else text)
     if limp:

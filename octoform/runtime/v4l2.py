@@ -22,7 +22,7 @@ FOCUS = 0x009A090A
 
 
 def is_node(node: str) -> bool:
-    """Whether it is a node of the kernel, which could be opened; OSError says what is wrong where a library is silent.
+    """Whether it is a node of the kernel, which could be opened; OSError gives the reason where a library is silent.
 
     False for a file of pictures in the place of a camera: that one is read like any other video.
     """

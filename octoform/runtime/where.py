@@ -1,4 +1,4 @@
-"""Says of device ids where they are attached now: a program for octoform's own commands, which touch no hardware.
+"""Reports where device ids are attached now: a program for octoform's own commands, which touch no hardware.
 
 ``python -m octoform.runtime.where`` with {id: [classes]} as JSON on standard input and the runtime's environment; one
 JSON object by id on standard output. Names in sysfs are read and nothing is opened.
@@ -59,7 +59,8 @@ def _on_host(node: str) -> str:
     return "/" + str(Path(node).relative_to(root)) if Path(node).is_relative_to(root) else node
 
 
-# Which device nodes this user may not use, and what grants the use: told from modes and groups, with nothing opened.
+# Which device nodes this user may not use, and what grants the use: determined from modes and groups, with nothing
+# opened.
 #
 # A device that is attached and closed to its user answers no call, so it must not be counted as usable.
 

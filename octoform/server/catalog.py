@@ -30,9 +30,9 @@ from octoform.server.process.principal import current
 from octoform.server.resources import DEVICES, FRAMES, Frames, Resources
 from octoform.server.tool_policy import Policy
 
-# What a client is told about the tools: the same for everybody who may use them, in an order that never changes.
+# The list of tools that a client gets: the same for everybody who may use them, in an order that never changes.
 #
-# The generated server says what its tools take and give. What they mean for the room stands in the descriptor (all four
+# The generated server declares what its tools take and give. Their effects are in the descriptor (all four
 # hints, the effect class) and in what is plugged in now, and reaches the list here. A tool that may not be called at
 # all is not shown: a model plans with what it sees.
 

@@ -47,7 +47,7 @@ class Running(Protocol):
 
 
 Interrupt = Callable[[], Sequence[Running]]
-"""Tells everything that moves to stop, and gives back what was told so."""
+"""Orders everything that moves to stop, and returns what got the order."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ class Emergency:
         act = partial(_begin, self.actions, find or node_of)
         jobs = act()
         with self.latch.held(_ENGAGE_WAIT):
-            with suppress(OSError):  # said above; here it only comes after a clear that was faster
+            with suppress(OSError):  # reported above; here it only comes after a clear that was faster
                 self.latch.engage(by, reason)
             self._record(problems, "estop", by=by, reason=reason, latched=_words(self.latch.engaged()))
         running.update(_interrupted(interrupt, problems))
@@ -106,7 +106,7 @@ class Emergency:
             except RuntimeError:  # no more threads
                 problems.append("nothing runs the stop actions once more when that ends; ask for the stop again")
         with _collect_problems(problems, "the latch is not on the disk yet"), suppress(FileNotFoundError):
-            self.latch.keep()  # one that could not be written was told of above
+            self.latch.keep()  # a latch that could not be written is reported above
         estop = self.latch.engaged()
         return {
             "ok": estop is not None and all(item.ok for item in stopped) and not problems,
@@ -153,7 +153,7 @@ class Emergency:
 def _interrupted(interrupt: "Interrupt | None", problems: list[str]) -> "dict[int, Running]":
     try:
         return {id(each): each for each in interrupt()} if interrupt is not None else {}
-    except Exception as problem:  # noqa: BLE001 - the stop goes on, and this is told
+    except Exception as problem:  # noqa: BLE001 - the stop goes on, and this is reported
         problems.append(f"what ran could not be interrupted: {_sentence(problem)}")
         return {}
 
@@ -237,7 +237,7 @@ def _work(jobs: list[_Job], find: Find) -> None:
         try:
             detail = _one(job, find)
             job.outcome = _ended(job, True, detail)
-        except Exception as problem:  # noqa: BLE001 - whatever finding or writing raises, it is told
+        except Exception as problem:  # noqa: BLE001 - whatever finding or writing raises, it is reported
             job.outcome = _ended(job, False, _sentence(problem))
         job.ended.set()
 
@@ -326,7 +326,7 @@ def _write(descriptor: int, data: bytes, deadline: float) -> None:
         try:
             left = left[os.write(descriptor, left) :]
         except BlockingIOError:
-            time.sleep(_PAUSE)  # a line says that it has room before it has enough
+            time.sleep(_PAUSE)  # a line signals room before it has enough
 
 
 def _ended(job: _Job, ok: bool, detail: str) -> Stopped:

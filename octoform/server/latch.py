@@ -38,7 +38,7 @@ class Latch:
         self._seen: tuple[tuple[int, int, int], Estop] | None = None
         self._forced: Estop | None = None
         self.wordless: OSError | None = None
-        """Why the latch that this object made says neither who nor why; None when it does."""
+        """Why the latch that this object made has neither who nor why; None when it does."""
 
     def engaged(self) -> Estop | None:
         """What engaged it; None when it is open. A place that cannot be looked at counts as engaged."""

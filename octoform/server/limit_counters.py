@@ -85,7 +85,7 @@ class Counters:
         ) as problem:
             self.damage = f"{path} cannot be read ({problem})"
             self._used = {name: Used(damaged=True) for name in names}
-            with suppress(OSError):  # for whoever wants to look; the file itself is replaced by the first reset
+            with suppress(OSError):  # for inspection; the file itself is replaced by the first reset
                 path.with_suffix(".damaged").unlink(missing_ok=True)
                 path.with_suffix(".damaged").hardlink_to(path)
 

@@ -23,9 +23,11 @@ from .process.instance_lock import MARK, Owner
 from .process.stderr_log import StderrHandler, write_line
 from .transport.addresses import NoAddressError
 
-# The folders of what the process keeps and writes are its user's alone, whoever made them. Standard library only.
+# The folders of what the process keeps and writes are its user's alone, even when another made them. Standard library
+# only.
 #
-# Whoever can write there can take an emergency stop away, put tokens or counters in their place, and reach the sockets.
+# A user who can write there can take an emergency stop away, put tokens or counters in their place, and reach the
+# sockets.
 
 PRIVATE = 0o700
 
@@ -115,7 +117,7 @@ def main(folder: Path) -> int:
         else:
             write_line(f"it ends: {TEXT} ({limits()})")
         status = FAILED
-    except Exception:  # whatever it is: threads of tools must not keep alive what serves nobody
+    except Exception:  # whatever it is: threads of tools must not keep a process alive that serves no one
         logger.exception("it ends")
         status = FAILED
     owner.release()

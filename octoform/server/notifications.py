@@ -1,4 +1,4 @@
-"""Tells the clients that are connected now what changed since they looked: tools, resources, one resource's content.
+"""Notifies connected clients of changes: tools, resources, one resource's content.
 
 The two protocol eras want it in two ways, and FastMCP serves neither by itself. Clients of the handshake era are
 remembered, weakly, and written to; clients of the later one open a `subscriptions/listen` stream and get what they
@@ -70,7 +70,7 @@ class Changes:
         low_level.get_capabilities = _without_prompts(low_level.get_capabilities)
 
     def tools(self) -> None:
-        """The list of tools changed, or what it says about one of them."""
+        """The list of tools changed, or its description of one of them."""
         self._announce(ToolsListChanged())
 
     def resources(self) -> None:

@@ -99,7 +99,7 @@ def _emergency(folder: Path, *, stopping: bool) -> Any:
 
 
 def _runtime(folder: Path) -> None:
-    """Make the package ``runtime`` importable, and tell it which unit each device id is."""
+    """Make the package ``runtime`` importable, and give it the unit of each device id."""
     document = _connection(folder)
     server = Path(str(document.get("server", {}).get("path", "")))
     for place in (Path(__file__).resolve().parent.parent / "runtime", server.parent / "runtime"):

@@ -1,7 +1,7 @@
 """What a client can read without calling a tool: the inventory of devices, and the latest picture of each tool.
 
-A picture costs a camera's time and moves a lot of bytes; whoever only wants to look again at what was seen reads it
-here. Pictures are kept in memory alone, one for each tool, so nothing of the room reaches the disk.
+A picture costs a camera's time and moves a lot of bytes; a client that only wants to look again at what was seen reads
+it here. Pictures are kept in memory alone, one for each tool, so nothing of the room reaches the disk.
 """
 
 import base64
@@ -53,13 +53,13 @@ class Frames:
         self._frames: dict[str, Frame] = {}
 
     def keep(self, tool: str, result: Any) -> None:
-        """Remember the last picture in a tool's result, if it has one that is not too large; subscribers are told."""
+        """Remember the last picture in a tool's result, unless it is too large; subscribers are notified."""
         pictures = [part for part in getattr(result, "content", None) or () if isinstance(part, ImageContent)]
         if not pictures or len(pictures[-1].data) > FRAME_BYTES * 4 // 3 + 4:
             return
         try:
             data = base64.b64decode(pictures[-1].data, validate=True)
-        except ValueError:  # the client is told by its own check; there is no picture to keep
+        except ValueError:  # the client's own check reports it; there is no picture to keep
             return
         first = tool not in self._frames
         self._frames[tool] = Frame(data, pictures[-1].mime_type, self._now())

@@ -289,7 +289,7 @@ def _words(problem: Exception) -> str:
     return str(problem) if isinstance(problem, ValueError) else "it has another form than the ledger of claims writes"
 
 
-# What the ledger of claims says must be restricted: believed where the file that octoform makes of it is not there.
+# The restrictions of the ledger of claims: believed where the file that octoform makes of it is not there.
 #
 # That file knows every word for a unit; the ledger has the one of the claim alone. A word that no tool has means every
 # unit, so what comes of this restricts as much or more until octoform writes the file again. Where neither can be read,

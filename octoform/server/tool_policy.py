@@ -18,7 +18,7 @@ from octoform.base.files import read_json, record
 # Which units of a device a call acts on: joints of an arm, axes of a rail. Restrictions and ranges are about units.
 #
 # A tool is only a way to reach a unit, and most units can be reached in several. So what is forbidden or bounded is
-# resolved here for each call, from what INTERFACE says of the tool. What cannot be resolved counts as all of them: a
+# resolved here for each call, from the tool's entry in INTERFACE. What cannot be resolved counts as all of them: a
 # restriction that is too wide is noticed, one that is too narrow is not.
 
 
@@ -81,7 +81,7 @@ class Units:
         return next((name for name, others in self.names.items() if word == name or word in others), None)
 
     def goals(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
-        """Each unit that the call moves, with its goal as it is given; None where the call does not tell it."""
+        """Each unit that the call moves, with its goal as it is given; None where the call does not give it."""
         if self.goal is None:
             return {}
         if self.goal.fixed:

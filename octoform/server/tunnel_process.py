@@ -134,7 +134,7 @@ class Tunnel:
         tunnel_termination.end(record)
         status = process.wait()
         _close(process)
-        # The record stays: whoever revokes later looks whether that address is really silent.
+        # The record stays: a later revocation checks whether that address is really silent.
         tunnel_termination.publish(self._run, {**record, "ended": clock.stamp()})
         self._changed(None)
         if not self._over():

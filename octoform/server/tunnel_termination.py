@@ -139,7 +139,7 @@ def members(record: Mapping[str, Any]) -> Iterator[int]:
 
 
 def answers(url: str, instance: str) -> bool:
-    """True when whoever answers at ``url`` is the endpoint with this instance id, whatever it answers.
+    """True when the server that answers at ``url`` is the endpoint with this instance id, whatever it answers.
 
     The endpoint's door refuses the name of a revoked address at once, and a refusal that comes through the tunnel shows
     that the tunnel is there. So every answer of the door bears the id, and these two bear it in their body as well,
@@ -148,7 +148,7 @@ def answers(url: str, instance: str) -> bool:
     parts = urlsplit(url)
     host = parts.hostname or ""
     kind = http.client.HTTPSConnection if parts.scheme == "https" else http.client.HTTPConnection
-    # Names below localhost are this machine, whatever a resolver says (RFC 6761).
+    # Names below localhost are this machine, whatever a resolver answers (RFC 6761).
     connection = kind("127.0.0.1" if host.endswith(".localhost") else host, parts.port, timeout=_ASK_SECONDS)
     try:
         connection.request("GET", "/health", headers={"Host": parts.netloc, "Connection": "close"})
@@ -190,7 +190,7 @@ def _gone_within(record: Mapping[str, Any], seconds: float) -> bool:
 
 
 def _stat(pid: int) -> ProcessStat | None:
-    """What /proc says of a live process; None when there is none."""
+    """The facts in /proc of a live process; None when there is none."""
     found = process_stat(pid, _PROC)
     return None if found is None or found.is_over else found
 

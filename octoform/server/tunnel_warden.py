@@ -87,7 +87,7 @@ def _signal_all(number: signal.Signals) -> None:
 
 
 def _below(pid: int) -> set[int]:
-    """The processes below one, as Linux tells them; elsewhere none."""
+    """The processes below one, as Linux lists them; elsewhere none."""
     parents: dict[int, int] = {}
     for path in Path("/proc").glob("[0-9]*/stat"):
         with contextlib.suppress(OSError, ValueError, IndexError):
@@ -108,7 +108,7 @@ def _take_orphans() -> None:
 
 
 def _die_with_parent(number: signal.Signals) -> None:
-    """Linux: a signal at the parent's death. Elsewhere the pipe alone tells of it."""
+    """Linux: a signal at the parent's death. Elsewhere only the pipe shows it."""
     with contextlib.suppress(OSError, AttributeError):
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, int(number), 0, 0, 0)
 

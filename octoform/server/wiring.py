@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .transport.http import Web
 
 
-# What the endpoint says of itself when a client connects: whose hardware it is, and how to deal with it.
+# The endpoint's server info when a client connects: whose hardware it is, and how to deal with it.
 #
 # The generated server has a name of its own choice; two hosts of one client would look alike by it.
 
@@ -105,7 +105,7 @@ class Endpoint:
             loop.add_signal_handler(number, stopping.set)
         _outlive_lines()
         async with self._server._lifespan_manager():
-            await self._gate.arm(self._server)  # only now: nobody waits yet, so what begins may take its time
+            await self._gate.arm(self._server)  # only now: no client waits yet, so what begins may take its time
             doors = self._open()
             control = self._answer()
             self._owner.record(scope=self._descriptor.scope, url=self._url)
@@ -140,7 +140,7 @@ class Endpoint:
         waited: set[asyncio.Future[Any]] = {found, *doors}
         try:
             while self._owner.is_recorded():
-                self._gate.restrictions.in_force()  # so that what ends is on the log though nobody calls
+                self._gate.restrictions.in_force()  # so that an end is in the log even without a call
                 done, _ = await asyncio.wait(waited, timeout=LOOK_SECONDS, return_when=asyncio.FIRST_COMPLETED)
                 if found in done:
                     return ""
@@ -209,7 +209,7 @@ class Endpoint:
         return self._emergency.stop(by, reason, interrupt=self._gate.halt)
 
     def _clear(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
-        self._gate.void()  # before anything may move: what waited while it was latched waits for nothing any more
+        self._gate.void()  # before anything may move: what waited while it was engaged waits for nothing any more
         return self._emergency.clear(str(question.get("by") or "unknown"))
 
     def _reset(self, question: Mapping[str, Any]) -> Mapping[str, Any]:
@@ -230,7 +230,7 @@ class Endpoint:
         return proof
 
     def _told(self, event: str, fields: Mapping[str, Any]) -> None:
-        """Record what begins or ends to be restricted; a log that takes nothing is told of where calls are refused."""
+        """Record what begins or ends to be restricted; calls report a log that cannot be written."""
         with suppress(AuditFailed):
             self._audit.write(event, **fields)
 

@@ -100,7 +100,7 @@ def _run(rig: Rig, *, as_json: bool) -> None:
         _print(_started(rig), as_json=as_json)
         _listen(rig, as_json=as_json)
     except KeyboardInterrupt:
-        with suppress(OSError):  # whoever closed the terminal does not read it
+        with suppress(OSError):  # a closed terminal has no reader
             _print({"event": "stopped"}, as_json=as_json)
     finally:
         for number in _ENDS:

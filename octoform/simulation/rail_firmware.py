@@ -16,7 +16,7 @@ from typing import Any
 from octoform.base.clock import Clock
 
 FAULTS = ("mute", "odd", "gone", "jammed", "late", "hot")
-# mute: does nothing and says nothing. odd: answers nonsense. gone: the next line unplugs it. jammed: answers well and
+# mute: does nothing and sends nothing. odd: answers nonsense. gone: the next line unplugs it. jammed: answers well and
 # does not move. late: moves and answers much later. hot: refuses every movement.
 _LONGEST_LINE = 64
 _NUMBER = re.compile(r"[+-]?\d{1,9}")
@@ -33,7 +33,7 @@ class _Movement:
     ends: float
     start: dict[str, int]
     way: dict[str, int]
-    answer: str | None  # empty: nobody is there any more to hear it; None: said, or nothing to say
+    answer: str | None  # empty: no listener is left; None: sent, or nothing to send
     answers: float
 
     def at(self, now: float) -> dict[str, int]:
@@ -112,7 +112,7 @@ class LineDevice:
             self._alone = max(self._clock(), move.ends)
 
     def feed(self, data: bytes) -> bytes:
-        """What the firmware says now; with ``b""`` later what it says then. Unplugged when it went away."""
+        """What the firmware sends now; with ``b""`` later what it sends then. Unplugged when it went away."""
         with self._lock:
             self._text += data
             out = b""
@@ -135,7 +135,7 @@ class LineDevice:
         return f"{move.answer}\n".encode() if move.answer else b""
 
     def _obeyed(self, line: str) -> bytes:
-        """What it says at once; the answer of a movement follows when it is over."""
+        """What it sends at once; the answer of a movement follows when it is over."""
         if not line:
             return b""
         self.lines.append(line)

@@ -25,8 +25,8 @@ from octoform.simulation.sysfs_tree import Planter
 
 # A tty for a simulated device: a pseudo terminal whose far end feeds it, in a thread of its own.
 #
-# What a real adapter does is done here: it tells the device that a host has opened or closed the port, hands nothing on
-# at a wrong speed, and forgets what no one read when the port is closed.
+# What a real adapter does is done here: it notifies the device that a host has opened or closed the port, hands nothing
+# on at a wrong speed, and forgets what no one read when the port is closed.
 
 _SPEEDS = {getattr(termios, name): int(name[1:]) for name in dir(termios) if re.fullmatch(r"B\d+", name)}
 _GLANCE, _SOON, _NEVER = 10, 5, 50

@@ -127,7 +127,7 @@ class ServoBus:
             out = b""
             for place, one in enumerate(found):
                 if one in found[place + 1 : place + 2]:
-                    continue  # a host that waited, gave up and asked again, while nobody here had the time to read
+                    continue  # a host that waited, gave up and asked again, while this side had no time to read
                 answer = self._transaction(one)
                 if answer and (place + 1 < len(found) or self._reader.waiting):
                     self.overlapping += 1

@@ -57,7 +57,7 @@ def _steps(layout: Layout) -> list[str]:
     try:
         return sorted(f"{STEP}{path.name}" for path in layout.steps.iterdir() if not path.name.startswith("."))
     except OSError:
-        return []  # there are none; what cannot be read is told for the step that the state knows of
+        return []  # there are none; what cannot be read is reported for the step that the state knows of
 
 
 def _facts(layout: Layout, stage: str) -> FileFacts:
@@ -140,8 +140,8 @@ def accept(
 ) -> list[Diagnostic]:
     """Make ``files`` (relative name to bytes) the files of a stage, and the only ones; empty list when that is done.
 
-    All are written and synced aside first, so a full disk or a kill before the first rename changes nothing; a kill
-    between two renames leaves a node that the journal calls interrupted. A link in the way is replaced, never
+    All are written and synced to a draft first, so a full disk or a kill before the first rename changes nothing; a
+    kill between two renames leaves a node that the journal calls interrupted. A link in the way is replaced, never
     followed. Checkpoints: ``artifact.start``, ``artifact.written``, ``artifact.renamed``, ``artifact.done``.
     """
     for name in files:

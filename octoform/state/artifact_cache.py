@@ -148,7 +148,7 @@ def _read(layout: Layout) -> _Index:
             for node, generations in nodes.items()
         }
     except (ValueError, LookupError, TypeError, AttributeError):
-        return {}  # made anew by whatever is kept next
+        return {}  # made again by the next copy
 
 
 def _copy(layout: Layout, wanted: str) -> bytes | None:
@@ -161,7 +161,7 @@ def _place(layout: Layout, wanted: str) -> Path:
 
 
 def _name(wanted: str) -> str:
-    """The name of the copy with that digest; no path, whatever an index that was written by another says."""
+    """The name of the copy with that digest; no path, even if another has written the index."""
     return wanted.removeprefix(digest.PREFIX).rpartition("/")[2]
 
 
@@ -175,7 +175,7 @@ def _name(wanted: str) -> str:
 # * Everything else is an *edit*: whole, readable, different. A person may have meant it; `octoform plan` shows it as
 # drift, and a person decides. So it stays.
 #
-# What is put back over something never destroys it: what was there is moved aside first and named. Light.
+# What is put back over something never destroys it: what was there is moved away first and named. Light.
 
 MOST_ASIDE = 30
 """Folders of damaged files that are kept; those with edits of committed files are never dropped by octoform."""

@@ -1,4 +1,4 @@
-"""The record of one attempt: what was asked of an agent, what it used, how it ended and what the gate said.
+"""The record of one attempt: what was asked of an agent, what it used, how it ended and the gate's verdict.
 
 It stands as ``attempt.json`` in the attempt's own folder, beside prompt, log, transcript and output. (Heavy: pydantic.)
 """
@@ -33,7 +33,7 @@ class AttemptRecord(Persisted):
     """``number`` counts all attempts of a host, ``attempt`` those of a stage in one run; ``seconds`` are wall time.
 
     ``role`` is ``stage``, ``escalate`` for the agent that got what the first left unknown, or ``reuse`` for an output
-    that was taken over from another host (no agent ran; ``attempt`` is 0). ``checks`` is how often the agent held its
+    that was reused from another host (no agent ran; ``attempt`` is 0). ``checks`` is how often the agent held its
     output against the contract before it ended. ``diagnostics`` are as
     `octoform.diagnostics.to_json` gives them; ``files`` are what the agent left in its folder. ``digests`` are those of
     what the attempt was given and left, by the file's name: prompt, input, log, transcript, spec, output.

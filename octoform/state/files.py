@@ -167,7 +167,7 @@ def hide_from_git(project: Path) -> Diagnostic | None:
     """Write `.octoform/.gitignore` again unless it is as octoform wrote it; None when git ignores the whole folder.
 
     Below lie serial numbers, keys, tokens and sockets, which one lost line would let `git add -A` take. Nothing is done
-    where ``project`` has no private folder. A link is replaced and not followed, a folder is moved aside, a pipe is
+    where ``project`` has no private folder. A link is replaced and not followed, a folder is moved away, a pipe is
     never opened.
     """
     folder = project / ".octoform"
@@ -243,9 +243,9 @@ def _one_per_cause(found: list[Diagnostic]) -> list[Diagnostic]:
     return list(seen.values())
 
 
-# Whose the private folders of a host are: another user's are closed, and nothing in them can be told from nothing.
+# Detects state folders owned by another user: unreadable must not be mistaken for empty.
 #
-# A command that took what it may not see for what is not there would tell a second user that nothing runs, or advise
+# A command that took unreadable for missing would report to a second user that nothing runs, or advise
 # him to apply or to remove files. Light: the pipe of every client asks this.
 
 
@@ -283,7 +283,7 @@ def name_of(user: int) -> str:
         return str(user)
 
 
-# Room kept on the disk, so that the end of a step that has begun can always be told.
+# Room kept on the disk, so that the end of a step that has begun can always be recorded.
 #
 # An agent may work for minutes and fill the disk while it does. What it made is worth more than 512 KiB, so these are
 # taken before it starts and given back when a write of the state finds no room. Light.

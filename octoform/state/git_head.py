@@ -1,7 +1,7 @@
 """The revision that a folder's repository is at, read from git's own files.
 
 A plan names the revision it reads; starting git or importing a library for that would cost more than the rest of a plan
-with nothing to do. What these files do not tell (an unborn branch, a ref store of another kind) is None. Light.
+with nothing to do. What these files do not have (an unborn branch, a ref store of another kind) is None. Light.
 """
 
 import re

@@ -30,7 +30,7 @@ _FIXED = {
     "GIT_EDITOR": ":",
 }
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
-"""What a git that may have called us, as from a hook, says of its own repository."""
+"""What a git that may have called us, as from a hook, passes about its own repository."""
 _PROGRAM = re.compile(
     r"(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",
@@ -79,7 +79,7 @@ def call(root: str, arguments: list[str], environment: Mapping[str, str] | None 
 
 
 def _listed(words: list[str], root: str, environment: Mapping[str, str], *scope: str) -> dict[str, str]:
-    """Key to value of a scope, or of all; what is included counts. Empty where git cannot read it, as it says later."""
+    """Key to value of a scope, or of all; what is included counts. Empty where git cannot read it."""
     done = _run([*words, "config", *scope, "--includes", "--list", "-z"], root, environment)
     entries = done.stdout.decode(errors="surrogateescape").split("\0") if done.returncode == 0 else []
     return {key: value for key, _, value in (entry.partition("\n") for entry in entries) if key}

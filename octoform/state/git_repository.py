@@ -290,7 +290,7 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
             known.append(name)
     if not known:
         return [], []
-    # Whoever starts a generated server by hand leaves bytecode beside it, which is nobody's work.
+    # A generated server that is started by hand leaves bytecode beside it, which is no one's work.
     literal = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})
     patterns = [f":(top,literal){name}" for name in known]
     status, _, complaints = literal.run("add", "--all", "--", *patterns, ":(top,exclude,glob)**/__pycache__/**")
@@ -304,7 +304,7 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
 
 
 def _ignored(own: _Git, names: list[str]) -> bool:
-    plain = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})  # this command takes names only, and says so
+    plain = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})  # this command takes names only
     return plain.run("check-ignore", "--", *names)[1] != ""
 
 
@@ -360,6 +360,6 @@ def _index_behind(where: Repository, complaints: str) -> Diagnostic:
 
 
 def _words(complaints: str) -> str:
-    """The end of what git said, fit to be shown."""
+    """The end of git's output, fit to be shown."""
     text = complaints.strip()[-_TAIL:]
     return "".join(char if char.isprintable() or char == "\n" else "\N{REPLACEMENT CHARACTER}" for char in text)

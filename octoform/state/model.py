@@ -79,7 +79,7 @@ class GitRecord(Persisted):
 class Snapshot(Persisted):
     """The state of one host. ``lineage`` names this history of states, ``serial`` counts its versions.
 
-    ``tier1``: the last run was without profiles and answers, as if no person had said anything of the hardware.
+    ``tier1``: the last run was without profiles and answers, as if no person had described the hardware.
     """
 
     format: Literal[1] = 1

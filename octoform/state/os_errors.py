@@ -1,6 +1,6 @@
-"""What the operating system refuses where no one foresaw it, said as a problem.
+"""Unforeseen refusals of the operating system, reported as a diagnostic.
 
-A person who meets a full or closed disk must read which file it was, why, and what to do; a traceback tells no one.
+A person who meets a full or closed disk must read which file it was, why, and what to do; a traceback helps no one.
 """
 
 import errno
@@ -18,7 +18,7 @@ _FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 def refusal(problem: OSError) -> Diagnostic:
-    """SYSTEM-REFUSED: what the operating system said, about which file, and where octoform met it.
+    """SYSTEM-REFUSED: the operating system's error, about which file, and where octoform met it.
 
     A refused process or thread is SYSTEM-NO-PROCESSES.
     """
@@ -72,7 +72,7 @@ def _owner(path: Path) -> int | None:
 
 
 def _place(problem: OSError) -> str | None:
-    """The innermost line of octoform's own that met it: without it no one could tell a bug from a bad disk."""
+    """The innermost line of octoform's own that met it: without it a bug looks like a bad disk."""
     frames = [frame for frame in traceback.extract_tb(problem.__traceback__) if _ours(frame.filename)]
     if not frames:
         return None

@@ -19,7 +19,7 @@ from octoform.state.model import NodeState, Status
 from octoform.state.store.snapshot import read_snapshot
 
 STAGES = ("identify", "interface", "serve", "deploy")
-"""PROBE is omitted: it tells the instances of its own host, which no other host can."""
+"""PROBE is omitted: it lists the instances of its own host, which no other host can."""
 MOST_FOLDERS = 20_000
 MOST_HOSTS = 1_000
 DEEPEST = 6
@@ -71,7 +71,7 @@ def _reusable(other: Layout, files: frozenset[Path] | None) -> Iterator[tuple[st
 
 
 def _is_equal(state: NodeState) -> bool:
-    """Whether the key tells all that the output was made with: a spec that an agent corrected is in no key."""
+    """Whether the key covers all inputs of the output: a spec that an agent corrected is in no key."""
     accepted = state.status is Status.ACCEPTED and bool(state.key) and not state.tainted
     return accepted and "spec_edit" not in state.detail
 

@@ -34,7 +34,7 @@ PULSE_SECONDS = 9.0
 INDENT = 24
 """Columns before the text of a line that shows what an agent does, the widest of them."""
 STAYS = "APPLY-OUTSIDE-WRITE"
-"""Tells, as a warning, what an attempt has left standing, also one whose output is not used."""
+"""Reports, as a warning, what an attempt has left standing, also one whose output is not used."""
 MAX_PATHS = 5
 """Files that are named beside a reason why an attempt was rejected."""
 

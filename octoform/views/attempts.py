@@ -32,7 +32,7 @@ COLUMNS = (
     Column("cost", right=True, goes=6, most=48),
     Column("when", goes=3, most=48),
 )
-"""On a terminal that is too narrow the columns go that tell least; -json and `attempts show` have all."""
+"""On a terminal that is too narrow the least useful columns are omitted; -json and `attempts show` have all."""
 UNKNOWN = "-"
 FILES = {"prompt.md": "prompt", "agent.log": "log", "transcript.jsonl": "transcript"}
 """What octoform keeps of an attempt, shown as far as it is there: a reuse has none of it."""

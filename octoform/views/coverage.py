@@ -151,7 +151,7 @@ def _funnel(found: Coverage, width: int, paint: Paint, block: str) -> Iterator[s
 
 
 def _groups(found: Coverage, width: int) -> Iterator[str]:
-    """How many of each category and class have tools; a class of which all have is told by its number alone."""
+    """How many of each category and class have tools; a class of which all have is shown by its number alone."""
     for name, groups in (("by category", found.categories), ("by class", found.kinds)):
         if groups and found.funnel.with_tools is not None:
             text = ", ".join(f"{group.name} {words.part(group)}" for group in groups)
@@ -199,7 +199,7 @@ def _usable(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
 
 
 def _offers(devices: tuple[Device, ...], width: int) -> Iterator[str]:
-    """What is offered for devices that are not told one by one with a reason."""
+    """What is offered for devices that are not listed one by one with a reason."""
     for item in devices:
         if item.offer:
             yield from _wrapped(f"{item.id}: {words.reason(OFFERED)} ({item.offer})", width)

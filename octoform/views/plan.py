@@ -11,7 +11,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.output import JsonStream
 from octoform.views.format.values import money, one_line
 
-# What is known of the devices, for people: what had to be said of them, which profile serves which, what is asked.
+# What is known of the devices, for people: the answers that they needed, which profile serves which, what is asked.
 
 WIDTH = 100
 TIERS = {tier: f"a {word}" if tier > 1 else word for tier, word in WORDS.items()}

@@ -16,7 +16,7 @@ from octoform.views.format.values import one_line
 # What the kernel announces, for people: one line a device instead of one a modalias, class counts as before -> now.
 #
 # A modalias is made for a loader of drivers: a device has one for each of its parts, and its numbers stand among a
-# dozen others. The kernel documents the fields; only those that tell one product from another are kept here.
+# dozen others. The kernel documents the fields; only those that distinguish one product from another are kept here.
 
 _CLASS = re.compile(r"class:([^:]+):(\d+)")
 _NUMBERED = (
@@ -240,7 +240,7 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
 
 
 def _answer_text(item: Reason) -> str:
-    """What a person says of a device now, in quotes, and what was said before."""
+    """A person's present answer about a device, in quotes, and the former answer."""
     before, after = (f'"{one_line(text, LONGEST_ANSWER)}"' if text else "" for text in (item.before, item.after))
     if before and after:
         return f"{before} -> {after}"

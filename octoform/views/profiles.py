@@ -67,7 +67,7 @@ def _tools(grammar: Grammar) -> Iterator[str]:
         unit = ""
     else:
         lines = {item.tool: (", ".join(item.fields), "") for item in grammar.commands}
-        unit = grammar.registers.unit  # the units are told once, with their ids, and not at each tool
+        unit = grammar.registers.unit  # the units are shown once, with their ids, and not at each tool
     for tool in grammar.tools():
         fields, does = lines.get(tool.tool, ("", ""))
         values = ", ".join(

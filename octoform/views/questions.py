@@ -21,7 +21,7 @@ NEXT = "\nNext:  octoform plan"
 
 
 def listed(console: Console, found: Asked, *, as_json: bool) -> int:
-    """The open questions, then what was said already."""
+    """The open questions, then the given answers."""
     if as_json:
         questions = [asdict(item) for item in found.questions]
         return document(console, {"format": 1, "questions": questions, "answers": dict(found.answers)})
@@ -55,7 +55,7 @@ def _lines(console: Console, answered: Answered) -> None:
 
 
 def passed_over(console: Console) -> int:
-    """The person was asked and said nothing."""
+    """The person was asked and gave no answer."""
     console.line("No answer was given, and nothing was changed.")
     return 0
 

@@ -15,8 +15,8 @@ from octoform.views.format.values import escape, one_line, used
 
 # How a node's output came about: whose agent made it, for whom, with what help, at what cost.
 #
-# What the state says of that may have come with a pull, so nothing of it is taken for granted: every word is escaped
-# and cut, and what has another shape than octoform writes is left out.
+# The state's entries may have come with a pull, so nothing of it is taken for granted: every word is escaped
+# and cut, and what has another shape than octoform writes is omitted.
 
 WIDTH = 160
 MAX_SOURCES = 48
@@ -141,7 +141,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
 
 
 def _rows(value: object) -> list[str]:
-    """What a detail states: a list has a line for each of its items, and a mapping in it is told without brackets."""
+    """What a detail states: a list has a line for each of its items, and a mapping in it is shown without brackets."""
     if not isinstance(value, list):
         return [str(value)]
     return [_row(item) for item in value] or ["none"]

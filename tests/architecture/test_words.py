@@ -1,12 +1,14 @@
 """Words of a private language are gone from what a person or an agent reads: pages, specs, prompts, messages and help.
 
-Names in backticks and JSON keys in quotes are those of formats, and stay. Decisions quote what was decided, and the
-page about the paper speaks of its tiers.
+They are gone from docstrings and comments too. Names in backticks and JSON keys in quotes are those of formats, and
+stay. Decisions quote what was decided, and the page about the paper speaks of its tiers.
 """
 
 import ast
+import io
 import json
 import re
+import tokenize
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -25,7 +27,7 @@ RETIRED = re.compile(
     r"|rooms?'s? fault|(?<!paper's )tiers? [123])\b(?![_'])(?!\})",
     re.IGNORECASE,
 )
-CODE = re.compile(r"```.*?```|`[^`\n]*`|\"\w+\"(?=:)|\b[A-Z]+(?:-[A-Z]+)+\b", re.DOTALL)
+CODE = re.compile(r"```.*?```|``[^`\n]+``|`[^`\n]*`|\"\w+\"(?=:)|\b[A-Z]+(?:-[A-Z]+)+\b", re.DOTALL)
 QUOTING = ("docs/decisions/", "docs/paper.md")
 # Strings that are no sentences to a person: stored as they are in a file of the daemon's.
 STORED = {"whatever it says"}
@@ -75,6 +77,16 @@ def sentences(source: str) -> Iterator[str]:
             yield node.value
 
 
+def remarks(source: str) -> Iterator[str]:
+    """The docstrings and comments of a module, those below an assignment included."""
+    for node in ast.walk(ast.parse(source)):
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str):
+            yield node.value.value
+    for token in tokenize.generate_tokens(io.StringIO(source).readline):
+        if token.type == tokenize.COMMENT:
+            yield token.string
+
+
 def test_no_page_says_a_word_that_is_gone() -> None:
     read = {path.relative_to(ROOT).as_posix(): prose(path.read_text()) for path in pages()}
     assert len(read) > 300
@@ -96,6 +108,16 @@ def test_no_message_says_a_word_that_is_gone() -> None:
     found = {
         path.relative_to(PACKAGE).as_posix(): [
             line for line in sentences(path.read_text()) if RETIRED.search(prose(line))
+        ]
+        for path in sorted(PACKAGE.rglob("*.py"))
+    }
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+def test_no_docstring_or_comment_says_a_word_that_is_gone() -> None:
+    found = {
+        path.relative_to(PACKAGE).as_posix(): [
+            line for line in remarks(path.read_text()) if RETIRED.search(prose(line))
         ]
         for path in sorted(PACKAGE.rglob("*.py"))
     }
@@ -127,6 +149,8 @@ def test_the_rule_sees_what_it_forbids(text: str) -> None:
     assert RETIRED.search(prose(text))
     assert any(RETIRED.search(line) for line in sentences(f"def f():\n    '''doc'''\n    return f'{{x}} {text}'"))
     assert any(RETIRED.search(line) for line in described({"items": [{"description": text}]}))
+    for source in (f"def f():\n    '''{text}'''", f"LIMIT = 3\n'''{text}'''", f"x = 1  # {text}"):
+        assert any(RETIRED.search(line) for line in remarks(source))
 
 
 @pytest.mark.parametrize(

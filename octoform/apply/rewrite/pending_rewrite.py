@@ -1,7 +1,7 @@
 """Rewrites of what moves a device, kept until a person has read them: one file for each, on this machine alone.
 
-Limits are held against what a caller says. Code between the caller and the device can make more of it (``steps * 10``),
-and no test by reading shows that: it would have to move. So a person decides whether such a rewrite is served.
+Limits are compared with the caller's arguments. Code between the caller and the device can make more of it (``steps *
+10``), and no test by reading shows that: it would have to move. So a person decides whether such a rewrite is served.
 """
 
 import difflib

@@ -2,7 +2,7 @@
 
 While it is only being tried it is outside of the accepted artifacts, and the endpoint is published from there. So
 a run that is killed meanwhile leaves the artifacts as they were, and an endpoint that the next plan finds to differ
-and the next apply puts back. Once it is proved, one file tells of it before anything of the artifacts changes: a run
+and the next apply puts back. Once it is proved, one file records it before anything of the artifacts changes: a run
 that is killed from then on is finished by the next one.
 """
 

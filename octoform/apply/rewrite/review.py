@@ -22,7 +22,7 @@ from octoform.records import dataclass
 # What protects the hardware in the functions of a tool, and what of it a rewrite has lost.
 #
 # Limits are enforced outside of the server too; these are the checks, locks, bounds and timeouts of its own code.
-# Reading code cannot prove that a rewrite is harmless. It can tell what was there and is there no more, or reads
+# Reading code cannot prove that a rewrite is harmless. It can find what was there and is there no more, or reads
 # differently, and a repair that has to change such a thing is a person's to make.
 
 WEAKENED = "HEAL-WEAKENS"

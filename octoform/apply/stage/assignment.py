@@ -88,7 +88,7 @@ EMBEDDED = HarnessSpec("builtin")
 
 
 def scan_beside(context: Context, probe: Any) -> tuple[HostScan | None, list[Diagnostic]]:
-    """What the host shows, and which words of ``probe`` it never says; None with a warning where nobody could look."""
+    """What the host shows, and which words of ``probe`` it never has; None, with a warning, if unreadable."""
     try:
         with TemporaryDirectory(prefix="octoform-scan-") as name:
             return _scanned(context, Path(name), probe)
@@ -97,7 +97,7 @@ def scan_beside(context: Context, probe: Any) -> tuple[HostScan | None, list[Dia
 
 
 def judge_scan(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:
-    """PROBE of another agent: parse, schema and rules, and what it says against what the host shows."""
+    """PROBE of another agent: parse, schema and rules, and its facts against what the host shows."""
     value, found = read_value(task, data)
     if value is None:
         return None, found

@@ -48,7 +48,7 @@ from octoform.state.layout import OUTPUT_NAMES
 
 # ``check``: a program in an attempt's folder that holds the output against its contract before the agent ends.
 #
-# It only asks. Whoever supervises the attempt judges, with the code that will judge the output in the end, and writes
+# It only asks. The supervisor of the attempt judges, with the code that will judge the output in the end, and writes
 # what it found beside the program; so neither a contract nor another artifact nor a secret is within the agent's reach.
 # What only running an output can show (a server's tools, a set of packages) is not looked at.
 
@@ -98,7 +98,8 @@ class Checks:
 
     def _run(self) -> None:
         while not self._over.wait(PAUSE_SECONDS):
-            # A folder that the agent has made away with, or a full disk: it goes without an answer, and its end tells.
+            # A folder that the agent has made away with, or a full disk: it goes without an answer, and its end reports
+            # it.
             with suppress(OSError):
                 key = files.head(self._folder / REQUEST, 100).strip()
                 (self._folder / REQUEST).unlink()
@@ -226,7 +227,7 @@ def _former(task: Task) -> Path:
 
 
 def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
-    """What a retry is told of the failed log: nothing here, or a summary where the manifest has a model for that."""
+    """The excerpt of the failed log for a retry: nothing here, or a summary where the manifest has a model for that."""
     settings = context.manifest.housekeeping
     if failed is None or failed.log is None or settings is None:
         return Excerpt("")
@@ -367,7 +368,7 @@ def _briefings(context: Context, stage: str) -> tuple[str, ...]:
 
 
 def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:
-    """What a person said of the devices that the agent is asked about; of no other stage's concern than IDENTIFY's."""
+    """A person's answers about the devices that the agent is asked about; only IDENTIFY uses them."""
     if assignment.stage != ASKED or not context.manifest.answers:
         return {}
     listed = {device["id"] for device in _asked_of(context, assignment)["devices"]}
@@ -388,7 +389,7 @@ def _asked_of(context: Context, assignment: Assignment) -> Mapping[str, Any]:
 
 
 def _held(context: Context, stage: str) -> list[tuple[Profile, frozenset[str]]]:
-    """The profiles that hold for a device of this host, each with its devices; PROBE is told of none."""
+    """The profiles that hold for a device of this host, each with its devices; PROBE gets none."""
     if stage == FIRST or not context.profiles:
         return []
     probe = accepted(context, FIRST)

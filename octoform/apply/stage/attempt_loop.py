@@ -50,7 +50,7 @@ from octoform.state.os_errors import refusal
 # The log of a failed attempt as its successor can use it.
 #
 # What a coding-agent program prints is a stream of records for machines, of which a few kilobytes say nothing. Its
-# transcript says the same in one line for each thing that it did.
+# transcript has the same in one line for each thing that it did.
 
 FILE_NAME = "story.txt"
 MOST_LINES = 400
@@ -240,7 +240,7 @@ def _attempt(
         found = guard.end(cleared(task.workdir / protected_paths.UNDONE)) if touched is None else touched
         verdict = Verdict((*found, _refusal(problem, task.workdir)), last=is_shortage(problem))
     except BaseException:
-        # What the agent did to others' files is undone also when nobody waits for its output any more; later
+        # What the agent did to others' files is undone also when its output is no longer awaited; later
         # differences are of a repair that is being tried, which its own way back takes away.
         if touched is None:
             guard.end(cleared(task.workdir / protected_paths.UNDONE))
@@ -248,7 +248,7 @@ def _attempt(
         raise
     verdict = replace(verdict, diagnostics=without_secrets(task, verdict.diagnostics))
     if any(item.code == file_integrity.NOT_UNDONE for item in verdict.diagnostics):
-        verdict = replace(verdict, last=True)  # the next attempt would take what stands there for a person's
+        verdict = replace(verdict, last=True)  # the next attempt would take what is there for a person's
     used = added(prepared.usage, outcome.usage)
     progress.usage = added(progress.usage, used)
     context.purse.pay(assignment.stage, used)
@@ -258,7 +258,7 @@ def _attempt(
         before = progress.failed or Failed((), None, spec)
         failed = replace(before, diagnostics=verdict.diagnostics, log=_log(task, outcome), spec=spec)
         progress.failed = remembered(context, assignment, task, (outcome, verdict), failed)
-    # The agent may have removed its own folder or filled the disk; both are told by the verdict already.
+    # The agent may have removed its own folder or filled the disk; the verdict reports both already.
     record(context, assignment, prepared, (outcome, verdict), edit, so_far.checks)
     return outcome, verdict
 
@@ -271,7 +271,7 @@ def _log(task: Task, outcome: Outcome) -> Path:
     try:
         return readable_log(task, outcome)
     except OSError:
-        return task.log  # a full disk, or no folder any more: told by what octoform writes next
+        return task.log  # a full disk, or no folder any more: octoform's next write reports it
 
 
 def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome, touched: list[Diagnostic]) -> Verdict:

@@ -88,7 +88,7 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
         detail = "octoform was stopped while it worked"
         ended = Outcome(ExitReason.INTERRUPTED, None, seconds, detail, known, turns=so_far.turns)
     agent_environment.remove_private(task.workdir)
-    # The stop itself is what has to be told on; an attempt without a record counts as interrupted too.
+    # The stop itself is what has to be passed on; an attempt without a record counts as interrupted too.
     with suppress(OSError):
         record(context, assignment, prepared, (ended, Verdict(())), None, so_far.checks)
 
@@ -96,7 +96,7 @@ def interrupted(context: Context, assignment: Assignment, prepared: Prepared, so
 def reused(
     context: Context, assignment: Assignment, task: Task, verdict: Verdict, source: ReusableOutput
 ) -> Diagnostic | None:
-    """The record of an output that was taken over: no agent ran."""
+    """The record of an output that was reused: no agent ran."""
     written = AttemptRecord(
         number=int(task.workdir.name.partition("-")[0]),
         stage=task.stage,

@@ -47,7 +47,7 @@ def of_unknown(context: Context, stage: str, verdict: Verdict) -> Assignment | N
 
 
 def unknown(identify: Mapping[str, Any]) -> list[str]:
-    """The ids of the devices whose meaning is missing."""
+    """The ids of the devices that are unidentified."""
     return [device["id"] for device in identify["devices"] if device["category"] == UNKNOWN]
 
 

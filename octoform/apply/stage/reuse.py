@@ -1,4 +1,4 @@
-"""Reuse: an output that was accepted for another host under the same key, taken over without running an agent.
+"""Reuse: an output that was accepted for another host with the same input hash, used without running an agent.
 
 It passes the same gate as an agent's output, on this host: schema, rules against this host's own artifacts, and for
 SERVE and DEPLOY the proof by running. What does not pass is left, and the next host's is tried; behind a few of those
@@ -30,7 +30,7 @@ MOST_REFUSED = 5
 def take(context: Context, stage: str, key: str) -> Finished | None:
     """The stage done with another host's output; None when there is none that is accepted here.
 
-    The first that holds is taken. Each that does not is reported, but for copies of one that was told already.
+    The first that holds is taken. Each that does not is reported, but for copies of one that was reported already.
     """
     started = context.clock.monotonic()
     judged: set[bytes] = set()

@@ -29,7 +29,7 @@ _HINT = "an agent must not hand over what one logs in with; the output was taken
 
 
 def leaked(task: Task, data: bytes) -> list[Diagnostic]:
-    """An error for each secret that is in an output, however it is spelt; the secret itself is not told."""
+    """An error for each secret that is in an output, however it is spelt; the secret itself is not shown."""
     lines = [("", data.decode("utf-8", "replace")), *_readings(task.stage, data)]
     return [*_given_in(task, lines), *_looking_like_one(task, lines)]
 

@@ -122,7 +122,7 @@ def _deployed(context: Context) -> Mapping[str, Any]:
 
 
 def doubts_of(context: Context) -> list[Diagnostic]:
-    """Warnings about what the policy or a profile says of tools that are not there."""
+    """Warnings about rules of the policy or a profile for tools that are not there."""
     return doubts(context.manifest.policy, accepted(context, "interface")["tools"], _holding(context))
 
 
@@ -279,7 +279,7 @@ def publish(
     )
     found += judged
     if has_errors(judged):
-        # What is broken is not left running; the next apply makes it anew.
+        # What is broken is not left running; the next apply makes it again.
         stop(context.layout)
     return report
 

@@ -95,7 +95,7 @@ def claim_bridge(device: Device) -> Claim | None:
 
 
 def claim_part(device: Device) -> Claim | None:
-    """A part of the machine that a class of the kernel, a driver of memory chips, virtio or PCI's own code tells."""
+    """A part of the machine identified by a class of the kernel, a driver of memory chips, virtio or PCI's own code."""
     if device.context:
         return None
     if any(_MEMORY_DRIVERS.match(driver) for driver in device.drivers):
@@ -134,7 +134,7 @@ def _by_bus(device: Device) -> Claim | None:
     for code, kind, category, noun in _PCI:
         if device.pci_class and device.pci_class.startswith(code):
             evidence = device.cite_key("class_code", f"PCI {noun}")
-            # A code that stands for all multimedia says less than the registered name of the function.
+            # A code that stands for all multimedia is less specific than the registered name of the function.
             found = words.spoken_of(device.database.product) if code.startswith("04") else None
             kind, category, noun = found or (kind, category, noun)
             return Claim(kind, category, noun, (evidence,))

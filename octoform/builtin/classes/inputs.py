@@ -1,7 +1,7 @@
 """Input devices: keyboards, pointers, touch surfaces, tablets, game controllers, buttons and switches.
 
 What an input device is comes from its event capabilities (PROBE's `kinds`) and from udev's own classification; a USB
-or HID device without a kernel input device is told by its interface class alone.
+or HID device without a kernel input device is identified by its interface class alone.
 """
 
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ from octoform.builtin.description.claim_model import (
 from octoform.builtin.description.device_evidence import Device, Fact
 from octoform.builtin.tool_model import NUMBER, TEXT, WHOLE, Facts, Kind, Schema, listing, maybe, number, record, whole
 
-# HID devices by their usages: what the report descriptor says that the device is for.
+# HID devices by their usages: the purpose that the report descriptor declares.
 #
 # The numbers are usage pages and usages of the USB-IF's HID Usage Tables, which every HID device declares; PROBE lists
 # them as `page/usage`. Vendors' own pages (ff00 and above) say nothing.

@@ -11,7 +11,7 @@ from octoform.builtin.description.claim_model import ACTUATOR, BIDIRECTIONAL, IN
 from octoform.builtin.description.device_evidence import Device, Fact
 
 _PREFIX = "macos-"
-# The report that a device stands in -> kind, category, noun.
+# The report that lists a device -> kind, category, noun.
 _REPORTS: Mapping[str, tuple[str, str, str]] = {
     "camera": ("camera", SENSOR, "camera"),
     "gpu": ("gpu", INFRASTRUCTURE, "graphics adapter"),
@@ -46,7 +46,7 @@ def claim(device: Device) -> Claim | None:
 
 
 def without_tools(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
-    """The annotation of a Mac's device: without a capability, whoever found one, and with evidence that says why."""
+    """The annotation of a Mac's device: always without a capability, and with evidence for the reason."""
     mark = device.cite_self(NO_TOOLS).as_json()
     return {**annotation, "capabilities": [], "evidence": [*annotation["evidence"], mark]}
 

@@ -1,7 +1,7 @@
 """Cameras: USB video class interfaces and Video4Linux capture nodes, kept apart from what else uses the same class.
 
-The kernel gives encoders, decoders, scalers and image processors the same device class as cameras. They are told by
-the words of their names, which drivers take from the function, and by the capability flags that udev records. Radio
+The kernel gives encoders, decoders, scalers and image processors the same device class as cameras. They are identified
+by the words of their names, which drivers take from the function, and by the capability flags that udev records. Radio
 receivers have it too; their nodes are called otherwise.
 """
 
@@ -104,7 +104,7 @@ def _side_stream(device: Device, evidence: Evidence) -> Claim:
 
 
 def _chip(device: Device, evidence: Evidence, names: tuple[tuple[str, ...], ...]) -> Claim:
-    """A part of a board's camera, told by the family of its driver."""
+    """A part of a board's camera, identified by the family of its driver."""
     for pattern, kind, category, noun in _CHIPS:
         if any(pattern.match(driver) for driver in (*device.drivers, device.text("name"))):
             found = _focus() if kind == "lens" else ()

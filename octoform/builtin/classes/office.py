@@ -1,7 +1,7 @@
 """Printers and scanners; still cameras and phones that offer their files over the picture transfer class.
 
 A printer's state is read where the kernel has a node for it. Nothing is printed: what a printer takes as text and what
-as commands of its language is not told by any interface of the system, and paper is not given back.
+as commands of its language is not shown by any interface of the system, and paper is not given back.
 """
 
 from octoform.builtin.description import product_names
@@ -106,7 +106,7 @@ def claim_service(device: Device) -> Claim | None:
     """A test instrument, an infrared bridge, or a device that shows nothing but its firmware loader."""
     if interface := device.usb(_INSTRUMENT):
         evidence = Evidence(interface.line, "USB test and measurement class")
-        # A generator and a supply speak the same class as a meter; words in the strings tell them apart before.
+        # A generator and a supply speak the same class as a meter; words in the strings distinguish them before.
         return Claim("instrument", BIDIRECTIONAL, "test instrument", (evidence,))
     if interface := device.usb(_HEALTH):
         evidence = Evidence(interface.line, "USB personal healthcare class")

@@ -104,8 +104,8 @@ def claim_display(device: Device) -> Claim | None:
 # GPIO controllers: the lines of every one can be listed; a line is driven only where people are meant to wire things.
 #
 # The pins of a processor or a chipset hold power switches, resets and chip selects of the board, so a controller is
-# left alone unless something says that its lines lead out: it is a bridge or expander chip of which nothing else is
-# known to hang on (told by the kernel's driver), one that the kernel only simulates, or a board whose maker gave lines
+# left alone unless something shows that its lines lead out: it is a bridge or expander chip of which nothing else is
+# known to hang on (by the kernel's driver), one that the kernel only simulates, or a board whose maker gave lines
 # the names of a pin header. The server looks again at the moment of a call.
 
 # The kernel's drivers of chips that have lines and nothing else to do with them.
@@ -284,7 +284,7 @@ OUTPUT = record(
 OUTPUTS = record("Outputs", device=TEXT, outputs=listing(OUTPUT))
 _VALUE = "in V, out_current in A, out_resistance in ohm"
 MOST, MOST_OHMS = 50, 1_000_000
-"""No converter gives more, in volts or amperes, and no potentiometer; what one of them can give it says itself."""
+"""No converter gives more, in volts or amperes, and no potentiometer; each reports its own maximum."""
 
 
 def _output(facts: Facts) -> dict[str, Schema]:

@@ -136,7 +136,7 @@ def claim_hwmon(device: Device) -> Claim | None:
     sources += [(zone.text, zone.line) for zone in _zones(device)]
     names = tuple((f"{_family(name)} ({name})", line) for name, line in sources)
     evidence = (device.cite(kind, "the kernel's monitoring interface"),)
-    # The kernel names a monitor after its driver; without a family that says which of many chips, not what it is in.
+    # The kernel names a monitor after its driver; without a family that gives the chip, not the product around it.
     settled = any(_family(name) != _ANY_MONITOR for name, _ in sources)
     return Claim("hwmon", SENSOR, _ANY_MONITOR, evidence, tuple(capabilities), names, settled)
 
@@ -171,7 +171,7 @@ def claim_iio(device: Device) -> Claim | None:
 
 
 def claim_driver(device: Device) -> Claim | None:
-    """A sensor that its kernel driver tells, though it offers no class of the kernel; nothing otherwise."""
+    """A sensor identified by its kernel driver, though it offers no class of the kernel; nothing otherwise."""
     for driver in sorted(device.drivers & _DRIVERS.keys()):
         kind, noun = _DRIVERS[driver]
         return Claim(kind, SENSOR, noun, (device.cite_key("driver", f"the kernel's {noun} driver"),))
@@ -303,7 +303,7 @@ _VIA = {
 
 # Counters and pulse generators: what the kernel counts can be read; what it pulses is left alone.
 #
-# A pulse width output of a board drives its own fan, its backlight or its regulator, and nothing tells which one is
+# A pulse width output of a board drives its own fan, its backlight or its regulator, and nothing shows which one is
 # free.
 
 _WIRED = ("i2c", "spi")

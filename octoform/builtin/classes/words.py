@@ -1,4 +1,4 @@
-"""Kinds of devices that no interface class tells, told by general words in the device's own strings.
+"""Kinds of devices without an interface class, identified by general words in the device's own strings.
 
 The words are those of the trade (oscilloscope, colorimeter, UPS); none is a maker's or a product's. They are looked
 for in the device's own strings and in the name that the host's id database gives; a word found only in the database
@@ -77,7 +77,7 @@ _WORDS: tuple[Entry, ...] = (
 _INSTRUMENTS: tuple[Entry, ...] = ((("logic",), "logic", SENSOR, "logic analyser"),)
 # What a thing is for, even when it also shows a disk with its manual or a network of its own.
 _DEFINING = tuple(entry for entry in _WORDS if entry[1] in ("scope", "logic", "analyzer", "meter", "generator", "sdr"))
-# A debugger on a board says nothing of the board.
+# A debugger on a board does not identify the board.
 _PROBES: tuple[Entry, ...] = (
     (("cmsis dap", "daplink", "jtag", "swd", "debug probe", "debugger", "programmer"), "debugger", BIDIRECTIONAL,
      "debug probe"),
@@ -132,7 +132,7 @@ def claim_instrument(device: Device) -> Claim | None:
 
 
 def claim(device: Device) -> Claim | None:
-    """A kind told by udev's rules, by the device's words, or by the database's; nothing otherwise."""
+    """A kind identified by udev's rules, by the device's words, or by the database's; nothing otherwise."""
     for name, kind, category, noun in _UDEV:
         if found := device.udev(name):
             return Claim(kind, category, noun, (Evidence(found.line, "udev's rules set this property"),))
@@ -161,7 +161,7 @@ def _debugger(device: Device) -> Claim | None:
 
 
 def spoken_of(text: str) -> tuple[str, str, str] | None:
-    """(kind, category, noun) that a person's words about a device tell; None when they tell none."""
+    """(kind, category, noun) from a person's words about a device; None without a word of a kind."""
     return kind_of(text, (*_WORDS, *_PROBES, *_PLAIN))
 
 
@@ -189,7 +189,7 @@ def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
 
 
 def kind_of(text: str, table: Iterable[Entry]) -> tuple[str, str, str] | None:
-    """(kind, category, noun) that the words of a name tell; None when they tell none."""
+    """(kind, category, noun) from the words of a name; None without a word of a kind."""
     tokens = product_names.words(text)
     stems = [found[0] for token in tokens if (found := _STEM.search(token))]
     spoken = f" {' '.join([*tokens, '.', *stems])} "

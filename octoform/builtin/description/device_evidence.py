@@ -1,6 +1,6 @@
 """A PROBE device as the class modules read it: facts with the line that each is in.
 
-PROBE's text is lines of `key: value`; what a class device in the unit says is `class[0].key: value`. Everything
+PROBE's text is lines of `key: value`; a line of a class device in the unit is `class[0].key: value`. Everything
 that IDENTIFY concludes cites such a line whole, so that the quote can be checked against the artifact. Instance facts
 (paths, nodes) are used only for what they say about the kind: which directions a sound card has, what lies below what.
 """
@@ -18,7 +18,7 @@ from octoform.records import dataclass
 _MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
 _TRIPLE = re.compile(r"\bclass ([0-9a-f]{2})/([0-9a-f]{2})/([0-9a-f]{2})")
 _DRIVER = re.compile(r"\bdriver=(\S+)")
-# The firmware's vendor prefixes (PNP ids) name whoever registered three letters, often not the maker.
+# The firmware's vendor prefixes (PNP ids) name the company that registered three letters, often not the maker.
 _NO_REGISTRY = frozenset(("acpi", "pnp", "platform", "i2c", "spi", "serio", "virtual", "input", "dmi"))
 _LABEL = re.compile(r"\blabel=(.*)$")
 

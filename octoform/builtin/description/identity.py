@@ -16,19 +16,19 @@ from octoform.builtin.description.product_names import GENERIC
 from octoform.records import dataclass
 
 FULL, STRING, REGISTERED, KERNEL, CLASS_ONLY, NOTHING = 0.9, 0.8, 0.7, 0.8, 0.45, 0.3
-# What the kernel calls these says less than the database's name of the adapter.
+# The kernel's name for these is less specific than the database's name of the adapter.
 _DATABASE_FIRST = frozenset(("audio", "audio_out", "audio_in", "network", "wifi", "gpu", "bluetooth"))
 # Firmware of these kinds ships under borrowed ids, so that a registered name alone proves no product.
 _BORROWED = frozenset(("input", "keyboard", "mouse", "gamepad", "tablet", "touchscreen", "touchpad", "serial", "ups"))
 # Controllers of these kinds are sold under any brand: what is known by its ids alone is not known.
 _NAMELESS = _BORROWED | {"storage", "camera", "audio", "audio_in", "audio_out", "phone", "bluetooth"}
-# Kinds whose strings are lent as freely as their ids: a model is only sure when its maker registered the ids.
+# Kinds whose strings are shared as freely as their ids: a model is only sure when its maker registered the ids.
 _LENT = frozenset(("ups", "keyboard", "mouse", "audio", "audio_in", "audio_out"))
 # Kinds whose makers give every model ids of its own; elsewhere one number serves many models, and other makers' too.
 _OWN_IDS = frozenset(("hub", "still_camera"))
 # What is sold as the chip that it is, so that a maker of chips names it.
 _CHIPS = frozenset(("hub", "network", "wifi", "bluetooth", "modem"))
-# The longest end of a part number that only tells its variant (S2, C6).
+# The longest end of a part number that only gives its variant (S2, C6).
 _SUFFIX = 2
 _MEDIUM_WORDS = frozenset(("flash", "drive", "disk", "udisk", "stick"))
 _SDIO_VENDOR = "udev.ID_VENDOR_FROM_DATABASE"
@@ -136,7 +136,7 @@ def _trust_in_strings(device: Device, claim: Claim) -> float:
 
 def names_its_chip(device: Device) -> bool:
     """True when the product string names the chip in it: by the kernel's driver, the id database, or its form."""
-    # What stands in brackets there is the wire of a product (CDC, UART), not its name.
+    # The text in brackets there is the wire of a product (CDC, UART), not its name.
     found, product = re.sub(r"\(.*?\)", " ", device.database.product), device.product_text
     maker = device.text("manufacturer")
     if product_names.describes_transport(found) and product_names.share_a_word(found, product):
@@ -186,7 +186,7 @@ def _registered(device: Device, claim: Claim) -> Identity | None:
     )
     if entry.maker and entry.maker != entry.line:
         evidence += (Evidence(entry.maker, f"{entry.source}: the vendor of the same number"),)
-    # Where a number on USB was given twice, the database lists both products; which one it is nobody knows.
+    # Where a number on USB was given twice, the database lists both products; which one it is cannot be known.
     product = entry.product.partition(" / ")[0] if device.bus == "usb" else entry.product
     name = product_names.join(entry.vendor, product or claim.noun)
     if not entry.product:
@@ -224,7 +224,7 @@ def _of_other(device: Device, claim: Claim) -> Identity:
         evidence = (Evidence(line, f"the device tree's name of the {claim.noun}"),)
         return Identity(product_names.tidy(f"{text} {claim.noun}"), CLASS_ONLY, "kernel_class", evidence)
     if device.bus == "mmc" and device.text("type") == "SDIO":
-        # A function on the card bus has numbers and no name; which family it is, its driver says.
+        # A function on the card bus has numbers and no name; its driver gives the family.
         driver = next((fact.text for fact in device.of("sdio", "driver")), "")
         maker = device.database.vendor or next((fact.text for fact in device.of("sdio", _SDIO_VENDOR)), "")
         prefix, driver = product_names.join(maker, "SDIO"), f" ({driver})" if driver else ""

@@ -73,9 +73,9 @@ STATE = re.compile(
     re.IGNORECASE,
 )
 CHIP = frozenset(("processor", "coprocessor", "chip", "chipset", "soc", "microcontroller"))
-# Parts that sit inside a product; a string that speaks of one belongs to whoever made the part.
+# Parts that sit inside a product; a string about one belongs to the maker of the part.
 PART = CHIP | {"bridge", "codec", "transceiver", "fifo", "ic"}
-# In the manufacturer's field these stand for nobody.
+# In the manufacturer's field these words name no maker.
 _PLACEHOLDER = """
     generic general default standard manufacturer vendor company co oem odm none no n a na unknown name brand noname
     string usb usb2 usb3 device devices hid test my your composite
@@ -95,7 +95,7 @@ _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
 _IDS = re.compile(r"\b(?:0x[0-9A-Fa-f]{1,4}:0x[0-9A-Fa-f]{1,4}|[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4})\b")
-# PROBE's marks in a text: escapes of unprintable characters, a serial number taken out, an end cut off.
+# PROBE's marks in a string: escapes of unprintable characters, a serial number taken out, an end cut off.
 _MARKS = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
 # Some firmware writes the serial number of the unit behind the product's name.
 _SERIAL = re.compile(r"(?:\b|_)S/?N[ :_=-]+[0-9A-Fa-f]{6,}\b")
@@ -147,12 +147,12 @@ def spread(text: str) -> str:
 
 
 def model_words(text: str) -> list[str]:
-    """The words of a name that tell one model from another: no class words, versions, letters or small numbers."""
+    """The words of a name that distinguish models: no class words, versions, letters or small numbers."""
     plain = _DOTTED.sub(" ", without_ids(text))
     found = [word for word in words(plain) if not _is_filler(word)]
     if found and max(map(len, found)) > _INITIAL:
         return found
-    # A coined word of mixed case ('RAMBo', 'uDMX') falls into parts of which none tells anything.
+    # A coined word of mixed case ('RAMBo', 'uDMX') falls into parts without a meaning.
     whole = [word for word in _COINED.findall(plain) if not GENERIC.issuperset(words(word))]
     return found + [word.lower() for word in whole if not _is_filler(word.lower())]
 
@@ -178,18 +178,18 @@ def is_foreign(text: str) -> bool:
 
 
 def names_a_model(text: str) -> bool:
-    """True when a name tells the model; false for class words, reference firmware and chips' transports."""
+    """True when a name identifies the model; false for class words, reference firmware and chips' transports."""
     vague = describes_transport(text) or is_reference(text) or is_state(text)
     return is_name(text) and bool(model_words(text)) and not vague
 
 
 def has_model_name(text: str) -> bool:
-    """True for a name with a word that tells models apart, whatever else it states."""
+    """True for a name with a word that distinguishes models, whatever else it has."""
     return is_name(text) and bool(model_words(text)) and not describes_transport(text)
 
 
 def names_a_product(text: str) -> bool:
-    """True when a device's own string tells the model of a product, not of a part that sits in products."""
+    """True when a device's own string identifies the model of a product, not of a part that sits in products."""
     return names_a_model(text) and PART.isdisjoint(words(text))
 
 
@@ -251,7 +251,7 @@ def is_wired_part(word: str) -> bool:
 
 
 def is_wire_and_part(text: str) -> bool:
-    """True for the name of a wire beside the number of a part and nothing else that tells ('I2C XY2102N')."""
+    """True for the name of a wire beside the number of a part and nothing else ('I2C XY2102N')."""
     spelt = words(text)
     others = [word for word in spelt if word not in _WIRES and not _is_filler(word)]
     return any(word in _WIRES for word in spelt) and all(map(_NUMBERED_PART.fullmatch, others))

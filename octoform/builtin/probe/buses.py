@@ -86,7 +86,7 @@ def group_of(subsystem: str, name: str) -> str:
 
 
 def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
-    """Add what the bus of ``node`` says about its kind, and the instance facts that are beside it."""
+    """Add what the bus of ``node`` reports of its kind, and the instance facts that are beside it."""
     special = _SPECIAL.get(node.subsystem)
     if special is not None:
         special(node, reader, uevent)

@@ -1,4 +1,4 @@
-"""What each kernel class says about the kind of a device: which attributes, under which keys.
+"""What each kernel class reports of the kind of a device: which attributes, under which keys.
 
 One small function for each class whose folder needs understanding, a table of attribute names for the rest. Readings
 (a temperature, a charge, a brightness) are never taken: they are no facts about a kind and differ at every run.
@@ -56,7 +56,7 @@ _SUPPLY_NO_READING = {"name", "serial_number", "uevent", "devtype", *_SUPPLY_LIN
 _NETWORK_KINDS = {"1": "ethernet", "32": "infiniband", "280": "can", "512": "ppp", "772": "loopback", "801": "wireless"}
 _LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
 _LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
-# What a printer's id says of its kind; serial numbers stand there too.
+# The keys of a printer's id that give its kind; the id has serial numbers too.
 _PRINTER_KEYS = frozenset(("MFG", "MANUFACTURER", "MDL", "MODEL", "CMD", "COMMAND SET", "CLS", "CLASS", "DES"))
 _AT_ADDRESS = re.compile(r"\d+-[0-9a-f]{2,4}$")
 _TTY_NUMBER = re.compile(r"\d+$")
@@ -66,7 +66,7 @@ _UNIQUE = 4
 
 
 def describe(node: Node, reader: Reader, uevent: dict[str, str]) -> None:
-    """Add what the class of ``node`` says about its kind, and the instance facts that are beside it."""
+    """Add what the class of ``node`` reports of its kind, and the instance facts that are beside it."""
     special = SPECIAL.get(node.subsystem)
     if special is not None:
         special(node, reader, uevent)
@@ -265,7 +265,7 @@ def _nvme(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
 
 
 def _rtc(node: Node, reader: Reader, _uevent: dict[str, str]) -> None:
-    # The driver's name; what follows it says where the clock is attached.
+    # The driver's name; what follows it gives where the clock is attached.
     node.kind = reader.text(f"{node.path}/name").partition(" ")[0]
     node.add("name", node.kind)
 

@@ -1,9 +1,9 @@
-"""Asks a tool that the system already has, with fixed arguments and within bounds, where no file tells the same.
+"""Asks a tool that the system already has, with fixed arguments and within bounds, where no file has the same facts.
 
 Nothing is installed and no shell is involved. A tool gets an environment of two variables, no input and a process
 group of its own, which is killed when its time or its space is over: a tool that hangs costs seconds.
 
-On a recorded host nothing is started, since a tool would tell of the wrong machine. Its output is read from
+On a recorded host nothing is started, since a tool would report the wrong machine. Its output is read from
 ``recorded/commands/<record>`` below the root instead: what the tool wrote to standard output, byte for byte; no such
 file means that the host has no such tool.
 """

@@ -1,7 +1,7 @@
 """Makes units of nodes: which device owns which class devices, what each kind is called, what is its instance.
 
 Two hosts with the same kinds of devices must get the same text wherever they are plugged in, so everything that is
-ordered here is ordered by what it says first and by where it is only among equals.
+ordered here is ordered by its own facts first and by where it is only among equals.
 """
 
 import re
@@ -23,11 +23,11 @@ from octoform.builtin.probe.unit_model import (
     secrets_of,
 )
 
-# What a unit's kind is called and what the kernel says about it, as text without anything of the one instance.
+# What a unit's kind is called and what the kernel reports of it, as text without anything of the one instance.
 #
 # The descriptor is lines of ``key: value``; a key holds no colon followed by a blank, a value no line end. First what
-# the unit's own bus says (``bus``, ids, strings, ``driver``, ``modalias``, ``udev.<PROPERTY>``, for USB ``interface NN:
-# class cc/ss/pp driver=name label=text``), then its class devices as ``class[ordinal].key``, with ``class.count``
+# the unit's own bus reports (``bus``, ids, strings, ``driver``, ``modalias``, ``udev.<PROPERTY>``, for USB ``interface
+# NN: class cc/ss/pp driver=name label=text``), then its class devices as ``class[ordinal].key``, with ``class.count``
 # before them when there are several. A class device's ordinal is its place among the ``nodes`` of that class in the
 # instance. A channel of a sensor is a key (``hwmon[0].temp1: input,max label=Core 0``), its value the attributes that
 # can be read.
@@ -73,7 +73,7 @@ def name(unit: Unit, vid: str, pid: str) -> str:
 
 
 def _member_name(unit: Unit) -> str:
-    """What the first class device with a name is called, in the order of how much such a name tells."""
+    """What the first class device with a name is called, the most specific name first."""
     for subsystem in _NAMING_CLASSES:
         for node in in_order(node for node in owned(unit) if node.subsystem == subsystem):
             facts = dict(node.lines)
@@ -100,12 +100,12 @@ def descriptor(unit: Unit) -> str:
 
 
 def _udev_rows(rows: list[tuple[str, str]]) -> set[tuple[str, str]]:
-    """udev hands properties of a device down to its class devices; said once is enough."""
+    """udev hands properties of a device down to its class devices; once is enough."""
     return {row for row in rows if row[0].startswith("udev.")}
 
 
 def _member_rows(nodes: list[Node], known: set[tuple[str, str]]) -> list[tuple[str, str]]:
-    """``class[ordinal].key`` lines; what the unit itself said already is not repeated, nor what many say alike."""
+    """``class[ordinal].key`` lines; the unit's own lines are not repeated, nor equal lines of many."""
     rows: list[tuple[str, str]] = []
     for subsystem, members in sorted(by_class(nodes).items()):
         speaking = [node for node in in_order(members) if node.lines or node.driver]
@@ -142,7 +142,7 @@ _NO_CLASS = frozenset(
     ("wakeup", "usb", "scsi", "pci_express", "i2c", "platform", "usb-serial", "serial-base", "serial", "auxiliary")
 )
 _ATTACHED = ("fixed", "removable")
-# Numbered in the order of discovery: the name says nothing about the place.
+# Numbered in the order of discovery: the name does not give the place.
 _UNPLACED_BUSES = frozenset(("hid", "scsi"))
 
 
@@ -178,7 +178,7 @@ def _is_side_stream(node: Node, above: Node) -> bool:
     """A video node that gives no pictures beside those that do: metadata, statistics, parameters.
 
     udev records what a USB camera's node can do; without its record, every second node is the one for metadata (the
-    kernel makes one for each stream, after it). Boards' drivers tell it in the name.
+    kernel makes one for each stream, after it). Boards' drivers have it in the name.
     """
     if node.subsystem != "video4linux" or not node.name.startswith(("video", "vbi")):
         return False
@@ -241,7 +241,7 @@ def _base(unit: Unit) -> str:
     if unit.group:
         return kernel_text.slug(unit.group if "-" in unit.group else f"system-{unit.group}")
     head = unit.head
-    # The name of a class device says its kind; that of a bus device only where it is.
+    # The name of a class device gives its kind; that of a bus device only where it is.
     named = kernel_text.slug(_NUMBERED.sub("", head.name)) if head.member else ""
     kind = kernel_text.slug(head.kind or head.title) or named or "device"
     first = "cooling" if ("role", "cooling") in head.lines else kernel_text.slug(head.subsystem) or "device"
@@ -291,7 +291,7 @@ def _serial(unit: Unit) -> str:
 
 
 def _kind_texts(unit: Unit) -> list[str]:
-    """What the unit says of its kind: no number is equal to one of these."""
+    """The texts of the unit's kind: no serial number is equal to one of these."""
     return ["".join(unit.vid_pid()), *(text for node in (unit.head, *unit.members) for _, text in node.lines)]
 
 

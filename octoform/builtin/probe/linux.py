@@ -18,7 +18,7 @@ from octoform.builtin.probe.unit_model import Node, Unit
 #
 # A WSL2 kernel shows virtual devices. What is plugged in belongs to Windows until it is handed over, so it is listed as
 # context with the interface ``windows``. Windows's own tools are asked through the interop of WSL where that is on.
-# Written from the recorded form of their answers: no WSL2 system has run it yet, and the artifact says so.
+# Written from the recorded form of their answers: no WSL2 system has run it yet, and the artifact states it.
 
 _WINDOWS_FOLDERS = ("/mnt/c/Windows/System32/WindowsPowerShell/v1.0", "/mnt/c/Program Files/usbipd-win")
 _PNP_LIST = (
@@ -55,7 +55,7 @@ class Windows:
         self._software: dict[str, int] = {}
 
     def scans(self) -> list[Scan]:
-        """All present devices first, then what usbipd says of those on USB."""
+        """All present devices first, then what usbipd reports of those on USB."""
         return [
             Scan("command:powershell.exe Get-PnpDevice", self._present, _WINDOWS_SECONDS),
             Scan("command:usbipd.exe state", self._shared, _WINDOWS_SECONDS),
@@ -147,9 +147,9 @@ def _entries(listed: Any) -> Iterator[Entry]:
     yield from dicts(listed if isinstance(listed, list) else [listed])
 
 
-# What stands beside sysfs: sound cards in words, input devices, device names, the board, the platform, neighbours.
+# Sources beside sysfs: sound cards in words, input devices, device names, the board, the platform, neighbours.
 #
-# These scans enrich nodes that sysfs gave, or stand in for them where a host shows the text and not the folder.
+# These scans enrich nodes that sysfs gave, or replace them where a host shows the text and not the folder.
 
 TEXT_BYTES = 65536
 _CARD = re.compile(r"^\s*(\d+)\s+\[(.{1,16}?)\s*\]:\s*(\S+)\s+-\s+(.*)$")

@@ -1,7 +1,7 @@
 """PROBE on macOS: what `ioreg` and `system_profiler` report, as the same units and facts as on Linux.
 
 One scan for each report. What a person names (paired devices, network services, volumes, printers, a telephone used as
-a camera) is told by its kind; only the names that hardware gives itself are kept. Written from the recorded form of
+a camera) is reported by its kind; only the names that hardware gives itself are kept. Written from the recorded form of
 the reports: no Mac has run it yet, and the artifact states that.
 """
 
@@ -22,7 +22,7 @@ from octoform.records import dataclass
 
 # The I/O Registry of macOS as `ioreg` archives it: USB devices with their interfaces, serial lines, disks.
 #
-# The registry is what macOS has in place of sysfs, so what it says is written as the same facts: interface classes,
+# The registry is what macOS has in place of sysfs, so its content is written as the same facts: interface classes,
 # strings, numbers. Nothing here has been run on a Mac yet; the form is that of recorded property lists.
 
 USB = Command("ioreg-IOUSBHostDevice", ("ioreg", "-a", "-l", "-r", "-c", "IOUSBHostDevice"))
@@ -136,7 +136,7 @@ def _triple(entry: Entry, *keys: str) -> str:
     return "/".join(f"{value & 0xFF:02x}" for value in numbers if value is not None) if None not in numbers else ""
 
 
-# Reports of macOS's `system_profiler -json`: items in a tree under the report's name, almost every value a text.
+# Reports of macOS's `system_profiler -json`: items in a tree under the report's name, almost every value a string.
 #
 # A report that has nothing to say is an empty list; one that this system does not know is missing or an empty object.
 
@@ -298,7 +298,7 @@ class Macos:
             self.platform["os_version"] = kernel_text.value(version[1], 64)
 
     def _add(self, node: Node, context: bool = False) -> Unit:
-        """A unit of its own; what neither says its place nor its serial number is told from its twin by nothing."""
+        """A unit of its own; without place and serial number it cannot be distinguished from its twin."""
         extra: dict[str, str | int | bool] = {} if node.serial else {"strength": "weak"}
         if node.address:
             extra["address"] = kernel_text.value(node.address, 300)
@@ -346,7 +346,7 @@ class Macos:
         identity = first_text(item, "spcamera_unique-id")
         place = _USB_CAMERA.match(identity)
         usb = self._registry.usb.get(int(place[1], 16)) if place else None
-        # A camera that is lent by a telephone is near, no part of this machine, and called as its owner calls it.
+        # A camera that a telephone provides is near, no part of this machine, and called as its owner calls it.
         own = name if name == model or place or model.startswith("UVC Camera") else ""
         if usb is not None:
             _member(usb, "camera", {"name": own, "model": model})

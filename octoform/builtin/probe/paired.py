@@ -2,7 +2,7 @@
 
 Read from the files of the Bluetooth service where this user may (they hold keys, which are skipped), and from
 `bluetoothctl`, which answers from what the service knows: nothing is scanned, connected or switched on. The name of a
-paired device is what a person calls it, so it is left where it is; the kind is told by standard numbers alone.
+paired device is what a person calls it, so it is left where it is; standard numbers alone give the kind.
 """
 
 import errno

@@ -130,7 +130,7 @@ DETAIL_CHARS = 400
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """A named look at one part of the system; ``look`` stores what it finds where it was told to.
+    """A named look at one part of the system; ``look`` stores what it finds in its own target.
 
     ``patience``: how many times as long as others it may take, for what is known to be slow.
     """
@@ -189,7 +189,7 @@ def _look(scan: Scan, reader: Reader, outcome: list[tuple[str, str]]) -> None:
         status = STATUS_OF_ERRNO.get(problem.errno or 0, "error")
         outcome.append((status, "" if status == "not_found" else problem.strerror or "input/output error"))
     except (ValueError, KeyError, IndexError, RecursionError) as problem:
-        # A kernel text of a shape nobody foresaw spoils this one scan and says so.
+        # A kernel text of an unforeseen shape fails this one scan, which reports it.
         outcome.append(("error", f"{type(problem).__name__} while reading"))
     else:
         outcome.append(("ok", reader.note()))

@@ -15,9 +15,9 @@ class Node:
 
     ``path`` is absolute (``/sys/devices/...``), ``subsystem`` its bus or class. ``member`` states that it belongs to
     the nearest device above it (a class device, a USB interface) instead of being a unit. ``lines`` are the
-    ``key, value`` facts about its kind; ``kind`` is the part of an id that tells this kind from others, ``title``
-    what a person would call it. ``serial``, ``address``, ``size`` and ``attached``
-    (``fixed`` or ``removable``, as the firmware says of the port) are facts of this one instance.
+    ``key, value`` facts about its kind; ``kind`` is the part of an id that distinguishes this kind from others,
+    ``title`` what a person would call it. ``serial``, ``address``, ``size`` and ``attached`` (``fixed`` or
+    ``removable``, as the firmware reports of the port) are facts of this one instance.
     """
 
     path: str

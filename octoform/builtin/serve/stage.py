@@ -88,7 +88,7 @@ _REQUIREMENTS: Mapping[str, str] = {
 
 
 def assemble(tools: Sequence[Mapping[str, Any]], profiles: Profiles = ()) -> str:
-    """The whole file for these tools; TaskRefused for a capability that no template and no grammar implements."""
+    """The file for these tools; TaskRefused for a capability without a template or a protocol definition."""
     by_capability = {tool["capability"]: tool for tool in tools}
     known = {name for names in SECTIONS.values() for name in names}
     spoken = lines.commands(by_capability, profiles)

@@ -17,7 +17,7 @@ from octoform.views.format.console import Console
 # Scripts by which a shell completes octoform's commands, verbs and options.
 #
 # They hold all words by themselves: pressing a key must not start Python. They are made from the parser, so that they
-# cannot tell another story than ``--help``.
+# cannot differ from ``--help``.
 
 _BASH = """\
 # octoform: source <(octoform completion bash)

@@ -64,7 +64,7 @@ def run_watch(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_status(arguments: Namespace, project: Path, screen: Console) -> int:
-    """0 only in sync and healthy; 3 to 6 as ``health`` leaves; 1 out of sync, or where it cannot be told at all."""
+    """0 only in sync and healthy; 3 to 6 as ``health`` leaves; 1 out of sync, or where it cannot be determined."""
     from octoform.daemon.status import survey
     from octoform.engine.project_status import status
     from octoform.views.daemon import status as status_view

@@ -410,7 +410,7 @@ def deploy_installed(
     out = []
     named = {normalised(item["name"]) for item in deploy["requirements"]}
     failed = {normalised(item["name"]) for item in deploy.get("deps_failed", ())}
-    # What its author declared and has no import says why it is there; what another one needs was pinned on purpose.
+    # A declared package without an import needs a stated reason; what another one needs was pinned on purpose.
     used = declared_names(server) | {name for wanted in requirements.values() for name in wanted}
     for index, item in enumerate(deploy["imports"]):
         module, provider = item["module"].partition(".")[0], normalised(item["provided_by"])

@@ -118,11 +118,11 @@ RULES = (
 )
 
 
-# What a rewritten function no longer does: a repair that reads less, or says what it has not read, is none.
+# What a rewritten function no longer does: a repair that reads less, or returns what it has not read, is none.
 #
 # A wrong register makes a tool report nonsense, and the shortest way to silence it is to ask no longer: to leave out
-# the check, to answer with a constant, to catch the error. Each of these would pass a trial call. Reading code proves
-# nothing for good, but it tells what was asked before and is not asked now.
+# the check, to answer with a constant, to catch the error. Each of these would pass a test call. Reading code proves
+# nothing for good, but it shows what was asked before and is not asked now.
 
 READS_LESS, INVENTS = "HEAL-READS-LESS", "HEAL-INVENTS"
 PATH = "server.py"

@@ -111,7 +111,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
     """What is omitted is not listed all the same, and is little; that it looks dull is no reason.
 
-    It need not be there any more: a device that went away while the agent looked is told so.
+    It need not be there any more: a device that went away while the agent looked is reported as gone.
     """
     listed = {device["id"] for device in value["devices"]}
     true = _by_id(known.scan) if known.scan else None
@@ -184,7 +184,7 @@ RULES = (
 
 
 def completed(value: JsonObject, scan: HostScan) -> JsonObject:
-    """The artifact with the host's own facts on each unit, by which a tool tells it from its twin.
+    """The artifact with the host's own facts on each unit, by which a tool distinguishes it from its twin.
 
     They are also what is hidden before anything reaches git: a serial number that the agent named nowhere, too. Numbers
     and drivers that it omitted, and the system's own spelling of the bus and the platform, join them. The host's name
@@ -232,7 +232,7 @@ def _alike(device: JsonObject, true: JsonObject) -> bool:
         return folder == true["instance"].get("sysfs") or (all(numbers) and numbers == [true.get(n) for n in _NUMBERS])
     if device["interface"] != true["interface"]:
         return False
-    # What hangs on no unit has no driver; its classes are all that tells it.
+    # What hangs on no unit has no driver; only its classes identify it.
     same = bool(true.get("classes")) and {*device.get("classes", ())} == {*true["classes"]}
     return bool({*device.get("drivers", ())} & {*true.get("drivers", ())}) or (true["interface"] == "virtual" and same)
 
@@ -285,7 +285,7 @@ def _differences(
 
 
 def _misplaced(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str, str]]:
-    """(member, line, true line) of each value that the system says under another key, or denies, of this device."""
+    """(member, line, true line) of each value that the system has under another key, or contradicts."""
     own: dict[str, set[str]] = {}
     for key, text in _LINE.findall(str(true["raw_descriptor"])):
         own.setdefault(key.casefold(), set()).add(_spoken(text))

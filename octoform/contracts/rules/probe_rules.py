@@ -59,7 +59,7 @@ _OPENED = re.compile(
 )
 _DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
 _REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
-# Where a specimen sits on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
+# Where a unit is attached on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
 _ADDRESS = re.compile(r"(?<![0-9a-z])(?:(?:\d{1,3}-){3}\d{1,3}|(?:[0-9a-f]{2}-){5}[0-9a-f]{2})(?![0-9a-z])")
 _PORT = re.compile(r"\d+-\d+(?:\.\d+)*|[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|\d+:\d+:\d+:\d+")
 
@@ -225,7 +225,7 @@ def _claims_to_touch(text: str) -> bool:
 
 
 def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hint: str) -> list[Diagnostic]:
-    """An error for each scan whose name or detail tells of something, unless it states that this was not done."""
+    """An error for each scan whose name or detail mentions touching a device, unless it denies it."""
     out = []
     for index, scan in enumerate(value["scan_methods"]):
         for member in ("name", "detail"):

@@ -2,7 +2,7 @@
 
 Behind a serial line, a HID report, a bus or a bare USB interface the kernel knows nothing of the device: no range, no
 unit, no stop. A model may remember the registers of a servo, and no one can determine whether it does so rightly before
-something has moved. So what acts there comes from a profile, or from what the device's owner said of it; and what is
+something has moved. So what acts there comes from a profile, or from the owner's answer about it; and what is
 stated to read there speaks of nothing that moves and takes nothing that a device could do.
 """
 
@@ -148,7 +148,7 @@ def read_limited(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Unsafe is only what goes over a line without knowledge: elsewhere somebody says what may be done, and how far."""
+    """Unsafe is only an undocumented line: elsewhere a profile or a person defines the actions and their bounds."""
     if artifacts.probe is None:
         return []
     commanded = {device: name for device, name, _ in described(artifacts.identify, artifacts)}
@@ -190,7 +190,7 @@ def known_by_a_person(device: JsonObject, artifacts: Artifacts) -> bool:
 
 
 def unknown_lines(artifacts: Artifacts) -> frozenset[str]:
-    """The devices that only a raw line leads to, of which neither a profile that holds nor an answer says anything."""
+    """The devices that only a raw line leads to, that neither a matching profile nor an answer describes."""
     known = set(artifacts.answers).union(*(facts.holds for facts in artifacts.profiles.values()))
     return frozenset(
         device["id"]

@@ -156,14 +156,14 @@ def cites_elsewhere(code: str) -> RuleCheck:
 
 
 def concerned(name: str | None, device: str | None, artifacts: Artifacts) -> set[str]:
-    """The sources that tell of a tool or, where none is named, of a device: itself and its tools."""
+    """The sources about a tool or, where none is named, of a device: itself and its tools."""
     if name is not None:
         return {name, *((device,) if device is not None else ())}
     return {device, *_names(tools_of(artifacts, device))} if device is not None else set()
 
 
 def sources_of(target: Target, artifacts: Artifacts) -> set[str]:
-    """The sources that tell of a target: a tool and its devices, a device and its tools, or the endpoint.
+    """The sources about a target: a tool and its devices, a device and its tools, or the endpoint.
 
     A tool of several devices is read for each of them, and its readings are of ``tool(device)``.
     """
@@ -273,7 +273,7 @@ def _prose(value: Any, where: str) -> Iterator[tuple[str, str]]:
 
 # Rules for what a report claims: a condition that readings bear out now, and that the next one can refute.
 #
-# The ledger judges each claim again, against all that it knows; but an agent that hears of a slip here can still mend
+# The ledger judges each claim again, against all that it knows; but an agent that hears of a slip here can still fix
 # it. Nothing is ever tightened on old words: a claim without a reading of its own signal is none.
 
 
@@ -304,7 +304,7 @@ def _other_signal(code: str) -> RuleCheck:
                 row = facts.reading(identity)
                 known = row is not None or facts.failure(identity) is not None
                 if not known or (row is not None and place_of(row) == place_of(claim["signal"])):
-                    continue  # an unknown one is told by a rule of its own
+                    continue  # a rule of its own reports an unknown one
                 summary = f"{display(identity)} is no reading of {_signal(claim)}"
                 hint = "cite readings of the claim's own signal, spelt as they have it"
                 found.append(error(code, summary, pointer=where + pointer("cites", index), hint=hint))

@@ -238,7 +238,7 @@ def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def _misnamed(test: JsonObject, offered: dict[str, tuple[str, ...]], where: str) -> Iterator[tuple[str, str, str]]:
-    """A test that says one unit and moves or reads another proves nothing."""
+    """A test that names one unit and moves or reads another proves nothing."""
     for place, part, call in _calls_of(test):
         arguments = call["arguments"] if part != "view" else {}
         for parameter in offered:

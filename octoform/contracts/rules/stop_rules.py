@@ -1,7 +1,7 @@
-"""Rules for what ends a movement: IDENTIFY says which capability does, INTERFACE repeats it, and neither says too much.
+"""Rules for what ends a movement: IDENTIFY marks the capability, INTERFACE repeats it, and neither marks too much.
 
 A call of such a tool passes those that wait for the device, so the mark belongs to tools that do nothing but stop.
-Where a profile has a grammar, that alone says which command stops, and the rules of grammars tell who strays from it.
+Where a profile has a protocol definition, that alone marks the stop command, and its own rules report deviations.
 """
 
 from octoform.base.escaping import display

@@ -1,4 +1,4 @@
-"""Rules for WATCH: health is told only where everything reports, and a problem only where something shows it."""
+"""Rules for WATCH: health is claimed only where everything reports, and a problem only where something shows it."""
 
 from collections.abc import Iterator
 from typing import Any

@@ -44,7 +44,7 @@ class Ear(Protocol):
         """Let go of it."""
 
 
-# Files that come, go and change, told by the kernel for each folder of a changing list. (Light.)
+# Files that come, go and change, as the kernel reports them for each folder of a changing list. (Light.)
 #
 # Folders are watched and not files: a file is replaced by renaming another one over it, and a watch on the file would
 # stay with the one that is gone. Of each folder only the names count that somebody else writes, so that what the daemon
@@ -57,7 +57,7 @@ _GONE = flags.IGNORED | flags.UNMOUNT
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """A folder, and what is said when something in it changes.
+    """A folder, and the cause when something in it changes.
 
     ``names`` are the only ones that count, each with a cause of its own; without them every name counts but hidden
     ones and bytecode. ``written`` counts every write to a file, also while it stays open.
@@ -164,7 +164,7 @@ class FolderEar:
             return None
 
 
-# What stands in for the kernel's word once a user's watches are used up: a look every few seconds. (Light.)
+# The replacement for the kernel's events once a user's watches are used up: a look every few seconds. (Light.)
 
 LOOK_SECONDS = 5.0
 
@@ -209,8 +209,8 @@ class Unwatched:
 
 # What of a deployment is watched on disk, and what each change means. (Light.)
 #
-# Left out is whatever the daemon, the endpoint in everyday work or a client write: counters, tokens, the audit log,
-# episodes, readings, attempts. A daemon that woke itself would never sleep again.
+# Excluded are the files that the daemon, the endpoint in everyday work or a client write: counters, tokens, the audit
+# log, episodes, readings, attempts. A daemon that woke itself would never sleep again.
 
 MANIFEST = "octopus.yaml"
 ASKED = ("paused.json", "asked.json")

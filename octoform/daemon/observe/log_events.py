@@ -1,4 +1,4 @@
-"""What the two logs tell since the last look: calls that failed or worked, and what was printed. (Light.)
+"""New events of the two logs since the last look: calls that failed or worked, and what was printed. (Light.)
 
 Everything in a log is foreign text: bounded, and its hidden characters made visible, before anybody else sees it.
 """
@@ -17,10 +17,10 @@ from octoform.endpoint.published_files import read_policy
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
-# New lines of a log, whatever becomes of the file: set aside, cut, replaced or no text at all. (Light.)
+# New lines of a log, whatever becomes of the file: rotated, cut, replaced or not text at all. (Light.)
 #
 # A place in a file is remembered with the file's own number, so that lines which were written before a log was set
-# aside are still read from where it lies now, and none is read twice.
+# away are still read from where it lies now, and none is read twice.
 
 MOST_BYTES = 4_000_000
 """What is read at one look; of a log that grew by more, the newest of it."""
@@ -182,7 +182,7 @@ class Hearing:
     def successes(self) -> Heard:
         """Only the tools whose last call worked, of what is new; the rest is not to be judged.
 
-        Whoever works on the host tries its tools, and judges failures itself. That a tool works is true for all.
+        A person or agent at work on the host tries its tools and judges failures. That a tool works is true for all.
         """
         last: dict[str, bool] = {}
         for entry in objects(self._calls.lines()):

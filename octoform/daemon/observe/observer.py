@@ -51,8 +51,8 @@ class Senses:
 class Looker:
     """The look of one deployment.
 
-    ``start_failed`` is what the last start said when it failed; whoever starts sets it, and None once one succeeded.
-    ``manifest`` is why the manifest as it stands cannot be read; whoever reads it sets that.
+    ``start_failed`` is the message of the last start when it failed; the starter sets it, and None after a success.
+    ``manifest`` is why the manifest as it stands cannot be read; its reader sets that.
     """
 
     def __init__(self, layout: Layout, clock: Clock, senses: Senses, *, traceless: bool = False) -> None:
@@ -96,7 +96,7 @@ class Looker:
         facts = replace(facts, damaged={**damaged, FILE_NAME: self.manifest} if self.manifest else damaged)
         facts = self._answers(facts, causes)
         facts = self._log(facts, causes, changed=changed)
-        # Last, so that nothing is said to have been seen before it was.
+        # Last, so that nothing is recorded as seen before it was.
         facts = replace(facts, uptime=self._clock.uptime(), stamp=self._clock.stamp())
         if causes & {Cause.START, Cause.INTERVAL}:
             self.remember()
@@ -104,7 +104,7 @@ class Looker:
         return facts
 
     def remember(self) -> None:
-        """Write down how far the logs were read, so that nothing is missed or told twice after a restart."""
+        """Write down how far the logs were read, so that a restart neither misses nor repeats a line."""
         places = self._senses.hearing.places
         if not self._traceless and places != self._written and self._layout.daemon.is_dir():
             document = json.dumps({"format": 1, **places}).encode() + b"\n"
@@ -122,7 +122,7 @@ class Looker:
             )
         if causes & PRESENCE or after_work:
             again = bool(causes & {Cause.START, Cause.HARDWARE, Cause.RESUMED})
-            # Who only tells how it is starts nothing, and so hurries for no process.
+            # A look without repairs starts no process, and so waits for none.
             seen = self._senses.presence(again=again, process=None if self._traceless else facts.process)
             if seen is None:
                 return replace(facts, put_off=causes & PRESENCE or frozenset((Cause.FILES,)))
@@ -189,7 +189,7 @@ def busy(layout: Layout) -> str | None:
     except FileNotFoundError:  # it was given back in this moment
         return None
     except OSError:
-        pass  # what cannot be told apart is taken for one that lives
+        pass  # a process that cannot be identified counts as alive
     return escaped(holder.operation[:_LONGEST_WORDS])
 
 

@@ -78,9 +78,9 @@ class Presence:
             self._nodes = tuple(self._root / node.lstrip("/") for node in nodes)
             signature = (*signature[:2], tuple(map(_rights, self._nodes)))
             self._signature = signature if answers is not None else None
-        # After the devices: one that came back meanwhile is neither absent nor gone, and nothing to discover anew.
+        # After the devices: one that came back meanwhile is neither absent nor gone, and nothing to discover again.
         appeared, gone = self._kinds()
-        # What went is no news while nobody can tell whether it is one of the endpoint's devices, which are waited for.
+        # What went is no news while it is unknown whether it is one of the endpoint's devices.
         return Seen(appeared, gone if self._signature is not None else (), self._devices)
 
     def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> LastSeen:

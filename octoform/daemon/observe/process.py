@@ -1,4 +1,4 @@
-"""The end of the endpoint's process, told by the kernel at the moment at which it happens. (Light.)
+"""The end of the endpoint's process, reported by the kernel at once. (Light.)
 
 A process descriptor names one process permanently, so that a pid that was given again is never taken for it.
 """
@@ -29,7 +29,7 @@ class ProcessEar:
         self._handle: int | None = None
 
     def follow(self, process: Running | None) -> bool:
-        """Listen to this process from now on; False when it has ended already, and no one will be told of it."""
+        """Listen to this process from now on; False when it has ended already, so that no event will come."""
         if process == self._process and self._handle is not None:
             return True
         self._release()
@@ -50,9 +50,9 @@ class ProcessEar:
         return self._handle
 
     def hear(self) -> frozenset[Cause]:
-        """That it has ended; said once."""
+        """The end of the process, reported once."""
         if self._handle is not None:
-            with suppress(OSError):  # mostly it is nobody's child, or another's
+            with suppress(OSError):  # mostly it is a child of another process
                 os.waitid(os.P_PIDFD, self._handle, os.WEXITED | os.WNOHANG)
         self._release()
         return _ENDED
@@ -69,7 +69,7 @@ class ProcessEar:
 
 # Whether the process that serves the endpoint answers: asked at its control door and at that of its clients. (Light.)
 #
-# The control door has a thread of its own, so it tells a process that stands still (stopped, swapped out, one library
+# The control door has a thread of its own, so it detects a process that hangs (stopped, swapped out, one library
 # that holds everything) from one that works. The clients' door is answered by the event loop. A loop that is busy for
 # seconds is no fault, and the endpoint interrupts what blocks it by itself; so that door is asked seldom, and believed
 # only when it stays shut. Neither is a process at fault that wants to run and gets no processor: it is given more time.
@@ -109,7 +109,7 @@ class Answering:
         self._instance = ""
 
     def __call__(self, process: Running) -> tuple[bool | None, Mapping[str, Any] | None]:
-        """Whether this process answers, and what it says of itself; (None, None) while it is doubtful."""
+        """Whether this process answers, and its status; (None, None) while it is doubtful."""
         if process.instance != self._instance:
             self._instance, self._shut, self._greet = process.instance, {}, 0.0
         began = self._uptime()
@@ -132,7 +132,7 @@ class Answering:
                 return found, False
             waited.append(self._uptime() - began)
             if waited[-1] < _AT_ONCE:
-                break  # the door is shut: asking again at once says nothing new
+                break  # the door is shut: asking again at once gives nothing new
         return None, len(waited) == 2 and min(waited) >= ASK_SECONDS - _AT_ONCE
 
     def _loop(self) -> bool:

@@ -1,7 +1,7 @@
 """Fresh readings of what a deployment measures: its reading tools and its camera. (Light.)
 
 Only tools are called that need no argument, move nothing, wait for nothing and take no picture. One that
-serves several devices, and needs to be told nothing but which of them, is called for each. They are called through the
+serves several devices, and needs no argument but the device, is called for each. They are called through the
 endpoint's own gate, in the daemon's name, and the endpoint is never started for it. What cannot be read is a reading
 all the same, of nothing, with the reason. What no tool reads has no reading: that it is there is all that is known.
 """
@@ -29,12 +29,12 @@ DEVICE = "device"
 SKIPPED = ("skipped", "error")
 """Members by which a result states that a unit was omitted, and why."""
 _NAMES = ("name", "id", "label", "unit", "joint", "motor", "channel", "device", "index")
-"""Members by which the items of a list are told apart: the first that every item has, no two share, and is a word."""
+"""Members that identify the items of a list: the first that every item has, no two share, and is a word."""
 _PICTURE = frozenset(
     ("capture", "picture", "image", "photo", "photograph", "frame", "snapshot", "video", "record", "audio", "sound")
 )
 _POSSIBLE = frozenset(("list", "describe", "formats", "modes", "capabilities"))
-"""Words of tools that tell what a device can do, which is no reading of what it does."""
+"""Words of tools that report what a device can do, which is no reading of what it does."""
 _WAITING = re.compile(r"timeout|duration|seconds|wait|_ms$|_s$", re.I)
 
 EMPTY = "empty"
@@ -124,7 +124,7 @@ class Sensors:
 
 
 def is_sensor(tool: Mapping[str, Any]) -> bool:
-    """Whether a tool measures, needs at most a device, waits for nothing and takes no picture, as its names tell."""
+    """Whether a tool measures, needs at most a device, waits for nothing and takes no picture, by its names."""
     schema = tool.get("input_schema") or {}
     if tool.get("effect") != "read" or not isinstance(schema.get("properties", {}), Mapping) or not _devices(tool):
         return False
@@ -135,7 +135,7 @@ def is_sensor(tool: Mapping[str, Any]) -> bool:
 
 
 def _devices(tool: Mapping[str, Any]) -> list[str | None]:
-    """The devices for which a tool is called, one None where it is to be told nothing; none where it needs more."""
+    """The devices for which a tool is called, one None where it takes no argument; none where it needs more."""
     schema = tool.get("input_schema") or {}
     required = schema.get("required") or []
     if not required:
@@ -179,7 +179,7 @@ def _leaves(value: object, path: str, why: str, depth: int) -> Iterator[tuple[st
 
 def _names(items: Sequence[object]) -> list[object]:
     """What the items of a list are called: by a member of theirs, else by their number."""
-    for kind in (str, int):  # a word says more than a number
+    for kind in (str, int):  # a word identifies more than a number
         for member in _NAMES:
             found = [item.get(member) if isinstance(item, Mapping) else None for item in items]
             if all(isinstance(name, kind) and name != "" for name in found) and len({*map(str, found)}) == len(items):
@@ -201,7 +201,7 @@ def _text(text: str) -> str:
 
 
 class Frames:
-    """The channel of the camera. ``look`` makes one look in a child, as the daemon's job of that name tells it.
+    """The channel of the camera. ``look`` makes one look in a child, as the daemon's job of that name reports it.
 
     For hosts whose manifest has perception switched on; no one else's camera is looked through.
     """

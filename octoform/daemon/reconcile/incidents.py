@@ -43,7 +43,7 @@ class OpenIncidents:
     """Why the present look is made."""
 
     def __post_init__(self, now: float) -> None:
-        """Take up what agents said; after a reboot, whose uptime is another, their word holds as long as at first."""
+        """Load the agents' reports; after a reboot, with its own uptime, each holds as long as at first."""
         for key, episode in self.memory.episodes.open.items():
             if episode.until is not None and episode.diagnosis is not None:
                 began = 0.0 if episode.boot == self.memory.boot else now - episode.opened_uptime

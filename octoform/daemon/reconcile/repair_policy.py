@@ -21,7 +21,7 @@ from octoform.daemon.model import Done, Facts, Finding, Kind, Repair
 from octoform.daemon.store.backoff import FLAPS
 from octoform.records import dataclass
 
-# Where repairs are made: beside the loop, so that a long one blinds nobody.
+# Where repairs are made: beside the loop, so that a long one delays no check.
 #
 # There is one bench for each kind of work. The endpoint's process can be started again while an agent thinks for
 # minutes, and whatever changes what the endpoint stands on is made one after the other. Light.
@@ -182,10 +182,10 @@ class AtOnce:
 
 
 def done(work: Work) -> Product:
-    """What a work made; a bug in it is told as a repair that failed, with its traceback for whoever reads the log."""
+    """The result of a piece of work; a bug in it becomes a failed repair, with its traceback in the log."""
     try:
         return work()
-    except Exception as bug:  # noqa: BLE001 - it is told, and the loop lives on
+    except Exception as bug:  # noqa: BLE001 - it is reported, and the loop goes on
         traceback.print_exception(bug)
         return Product(Done(ok=False, detail=f"a bug of octoform: {type(bug).__name__}: {bug}"))
 

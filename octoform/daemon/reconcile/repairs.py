@@ -36,11 +36,11 @@ from octoform.daemon.store.incidents import Incident, Try
 from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage.agent_report import findings_of, summary_of
 
-# HEAL on probation: what it changed counts only once everything has been read anew, and nothing reads worse. Light.
+# HEAL on probation: what it changed counts only once everything has been read again, and nothing reads worse. Light.
 #
-# How the deployment stood before is compared at each look, from the end of the repair until all that is promised to
+# The health before the repair is compared at each look, from the end of the repair until all that is promised to
 # report has been read once more after it. The readings that the repair itself asks for are the first, and not enough. A
-# device that somebody unplugs meanwhile, and a process that ends once, are nobody's proof against a rewritten function:
+# device that somebody unplugs meanwhile, and a process that ends once, prove nothing against a rewritten function:
 # they are waited for.
 
 MOST_ENDS = 2
@@ -51,7 +51,7 @@ _AFTER = 0.001
 
 @dataclass(slots=True)
 class Tried:
-    """A repair on probation: what it was made for, how things stood before, since when (uptime), in which process."""
+    """A repair on probation: its problem, the health before it, since when (uptime), in which process."""
 
     finding: Finding
     before: HealthSnapshot
@@ -94,7 +94,7 @@ def _worse(tried: Tried, facts: Facts, now: HealthSnapshot) -> str | None:
         return f"the endpoint's process ended {tried.ends} times"
     if not _settled(tried, facts):
         return None
-    # What an absent device does not report says nothing; a tool that fails for it is known by its error elsewhere.
+    # A missing reading of an absent device is no evidence; a tool that fails for it is known by its error elsewhere.
     return worse(replace(tried.before, there=frozenset()), now)
 
 
@@ -108,11 +108,11 @@ def _process(facts: Facts) -> str | None:
     return facts.process.instance if facts.process is not None else None
 
 
-# While an agent works, nobody but the daemon changes the daemon's own files: its memory, and the ledger of claims.
+# While an agent works, only the daemon may change the daemon's own files: its memory, and the ledger of claims.
 #
-# An agent of the same account could write them. What the daemon knows is written again, and what the agent says then
+# An agent of the same account could write them. What the daemon knows is written again, and what the agent reports then
 # counts for nothing. A person decides about claims before or afterwards (`octoform.daemon.requests`
-# says so). Light.
+# reports it). Light.
 
 
 @dataclass(slots=True)
@@ -271,7 +271,7 @@ class Trying:
         return f"given up: {frozen}"
 
     def _bar(self, finding: Finding, acting: Finding, facts: Facts, waits: Waits, paused: bool) -> str | None:
-        """Why the next repair is not made now; None when it is. Also tells ``waits`` when it will be due."""
+        """Why the next repair is not made now; None when it is. Also notes in ``waits`` when it will be due."""
         repair = self._next(acting)
         tasks = self.bench.under_way()
         if why := barred(repair, facts, paused, ours=busy_with_ours(facts, tasks)):
@@ -396,7 +396,7 @@ class Trying:
             self.problems.alert("confirm", claim.target, f"{claim.kind} {claim.id}: {claim.statement}", facts, hint)
 
     def _diagnosed(self, key: str, asked: Finding, done: Done, facts: Facts) -> None:
-        """What WATCH says of the problem that it was asked about is its diagnosis; the rest are others."""
+        """WATCH's report on the problem that it was asked about is its diagnosis; the rest are others."""
         found = list(done.findings or (findings_of(done.report, facts) if done.report is not None else ()))
         own = next((each for each in found if each.target == asked.target), found[0] if found else None)
         if own is None:

@@ -53,7 +53,7 @@ LEAST_WAIT = 0.05
 class Cycle:
     """What one check cycle saw and did. ``due`` is when the next try is (uptime; None: nothing waits for a time).
 
-    ``waits`` tells by key why a repair is not made now; ``problems`` is what could not be read, written or believed.
+    ``waits`` gives, by key, why a repair is not made now; ``problems`` is what could not be read, written or believed.
     """
 
     causes: frozenset[Cause]
@@ -108,7 +108,7 @@ class Supervisor:
         self._ports.sources.rouse()
 
     def report(self, problem: Diagnostic) -> None:
-        """Let the next check cycle tell this."""
+        """Let the next check cycle report this."""
         self._memory.shelf.said.append(problem)
 
     def run(self, once: bool = False) -> None:
@@ -171,7 +171,7 @@ class Supervisor:
 
     def _looked(self, causes: frozenset[Cause]) -> tuple[Facts, tuple[Finding, ...]]:
         """Look, judge, and let incidents begin and end."""
-        if early := self._bench.ended():  # what ended while nobody looked
+        if early := self._bench.ended():  # what ended between two cycles
             self._trying.conclude(early, self._facts or self._ports.look(causes))
             causes |= AFTER if any(item.task.finding is not None for item in early) else READ
         # Before the look: a repair that ends while it is made is judged by the next one, and not lost between the two.
@@ -229,7 +229,8 @@ class Supervisor:
     def _sample(self, facts: Facts) -> bool:
         """Begin to take readings; True when that is done with for this check cycle.
 
-        Whoever is at work on the host: the endpoint is asked as by any client, and an agent may take an hour.
+        Another run of octoform at work on the host: the endpoint is asked as by any client, and an agent may take an
+        hour.
         """
         if facts.process is None or facts.answers is False:
             return True

@@ -21,7 +21,7 @@ WEAK = "weak"
 _ORDINAL = re.compile(r"-\d+$")
 
 Where = Callable[[Sequence[str]], Mapping[str, Mapping[str, Any]] | None]
-"""Device ids to what the runtime says of each, as `octoform.runtime.where` tells it; None: it does not answer."""
+"""Device ids to the runtime's facts of each, as `octoform.runtime.where` reports them; None: it does not answer."""
 
 
 def rebind(layout: Layout, device: str, where: Where | None = None) -> Done:

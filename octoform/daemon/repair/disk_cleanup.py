@@ -1,10 +1,10 @@
-"""DISK_FULL: drop what octoform can make again or has more of than it needs, and tell what. Light.
+"""DISK_FULL: drop what octoform can make again or has more of than it needs, and report what. Light.
 
 In this order, and only until there is room: environments that no endpoint names, old attempts of agents, archives of
 logs (their errors stay), the environment before the present one. Never an artifact, a log that is written, what a
 person has put there, results that tools gave to somebody, or evidence of an edit.
 
-ROTATE: set a log aside that has grown large. Light; `octoform.endpoint.process.log_rotation` states how nothing
+ROTATE: archive a log that has grown large. Light; `octoform.endpoint.process.log_rotation` states how nothing
 of it is lost.
 """
 
@@ -56,7 +56,7 @@ def room(layout: Layout) -> int:
 
 
 def _droppable(layout: Layout) -> Iterator[str]:
-    """Drops one thing after the other and names it; whoever has enough asks for no more."""
+    """Drops one thing after the other and names it; the caller stops asking when there is room enough."""
     manifest = read_manifest(layout) or {}
     present, before = (Path(str(manifest[name])) if manifest.get(name) else None for name in _NAMES)
     if present is not None:
@@ -90,7 +90,7 @@ def _old_attempts(layout: Layout) -> list[Path]:
 
 
 def rotate(layout: Layout, name: str) -> Done:
-    """Set the log ``name`` of a host aside; what the system refuses is reported."""
+    """Archive the log ``name`` of a host; what the system refuses is reported."""
     path = layout.logs / Path(name).name
     if path.is_symlink():
         return Done(False, f"{path.name} is a link, which is left alone", again=False)

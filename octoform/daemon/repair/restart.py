@@ -3,7 +3,7 @@
 The process may come up and end again a moment later. Each start by itself looks like a repair that worked, so the
 loop's own breakers do not see it: the starts are remembered here. The more of the last ones were short, the longer the
 next one waits, and after a few of them the endpoint counts as crashing in a loop, which a person has to look at. A
-person who asks for another try gets one: a loop that was told is forgotten.
+person who asks for another try gets one: a start loop that was reported is forgotten.
 """
 
 import json
@@ -117,7 +117,7 @@ def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
 def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnostic | None]:
     try:
         return world.start(layout, start_stop.START_SECONDS)
-    except OSError as problem:  # a full disk or one that is read-only: no start, and told as every other failed one
+    except OSError as problem:  # a full disk or one that is read-only: no start, and reported as every other failed one
         return None, refused(problem, Path(problem.filename or layout.run))
 
 

@@ -25,7 +25,7 @@ BAD_JOB, STOPPED = 64, 143
 
 
 class _Ended(KeyboardInterrupt):
-    """The daemon told this child to end; whatever lets an interrupt pass lets this pass too."""
+    """The daemon has asked this child to end; whatever lets an interrupt pass lets this pass too."""
 
 
 def main() -> int:

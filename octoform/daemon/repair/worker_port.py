@@ -27,7 +27,7 @@ GRACE_SECONDS = 15.0
 """What a child may take to end its agent and let go of its lock, before it is killed."""
 RESULT_LIMIT = 4_000_000
 SAID_LIMIT = 1500
-"""Characters of what a failed child printed that its result tells."""
+"""Characters of a failed child's output that its result quotes."""
 
 
 class Workers:

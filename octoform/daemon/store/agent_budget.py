@@ -1,7 +1,7 @@
 """What agents may cost in an hour, over restarts of the daemon: calls as a count, and US dollars.
 
 Calls are written down before they are made and again when their cost is known, so that a daemon which dies in between
-has still counted them. What cannot be written down is not spent, and what no one can tell counts as spent. Light.
+has still counted them. What cannot be written down is not spent, and an unknown amount counts as spent. Light.
 """
 
 from dataclasses import dataclass, field
@@ -61,7 +61,7 @@ class AgentBudget:
         total = self.spent(now, stamp)
         over = total.calls >= self.calls_per_hour
         untold = any(entry.usd is None and self._age(entry, now, stamp) < WINDOW_SECONDS for entry in self._entries)
-        # A limit that nobody can measure is no limit, so what has an unknown cost counts as all of it.
+        # A limit that cannot be measured is no limit, so an unknown cost counts as all of it.
         dear = self.usd_per_hour is not None and (untold or (total.usd or 0.0) >= self.usd_per_hour)
         if not over and not dear:
             return None
@@ -101,7 +101,7 @@ class AgentBudget:
         self.save()
 
     def _age(self, entry: Entry, now: float, stamp: str) -> float:
-        """Seconds since an entry. From before a reboot only wall time tells, and never less than since the boot."""
+        """Seconds since an entry. From before a reboot only wall time is known; never less than since the boot."""
         if entry.boot == self.boot:
             return now - entry.at
         present, then = parse_stamp(stamp), parse_stamp(entry.stamp)

@@ -52,7 +52,7 @@ class Backoff:
     gone: float | None = None
     helped: tuple[float, ...] = ()
     hopeless: tuple[str, ...] = ()
-    """Repairs that said of themselves that no further try can help."""
+    """Repairs whose result was that no further try can help."""
     terms: str = ""
     """What the manifest allowed when a re-discovery ended in a question; empty: none did."""
 

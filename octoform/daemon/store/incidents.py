@@ -189,7 +189,7 @@ class Incidents:
 
 
 def read(shelf: Shelf) -> list[Incident]:
-    """All incidents in the order in which they began; lines that are none are omitted, and said."""
+    """All incidents in the order in which they began; invalid lines are omitted, and reported."""
     path = shelf.path(FILE)
     data, problem = read_regular(path, 4 * LIMIT)
     if problem is not None:

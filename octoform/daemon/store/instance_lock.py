@@ -1,4 +1,4 @@
-"""One daemon for each host, and what a person tells it: to pause, to go on, to try again.
+"""One daemon for each host, and a person's orders to it: to pause, to go on, to try again.
 
 The kernel's lock on a file states that a daemon lives, so a killed one needs no clearing up; the record beside it
 states which process that is. What a person wants lies in small files of the same folder, which the daemon notices as it
@@ -84,7 +84,7 @@ class Owned:
         if self._descriptor is None:
             return
         if _same(self._layout.daemon / LOCK, self._descriptor):  # else the record is of another one
-            with contextlib.suppress(OSError):  # a record without the lock is believed by nobody
+            with contextlib.suppress(OSError):  # readers ignore a record without the lock
                 (self._layout.daemon / RECORD).unlink(missing_ok=True)
         os.close(self._descriptor)
         self._descriptor = None
@@ -146,7 +146,7 @@ def resume(layout: Layout) -> tuple[bool, Diagnostic | None]:
 
 
 def paused_since(layout: Layout) -> str | None:
-    """Since when repairs are paused (RFC 3339, or empty where the file does not tell); None when they are not.
+    """Since when repairs are paused (RFC 3339, or empty where the file does not have it); None when they are not.
 
     A file that cannot be read pauses all the same: somebody wanted it.
     """
@@ -209,7 +209,7 @@ def _lock(layout: Layout) -> tuple[int | None, Diagnostic | None]:
 
 def _sign(descriptor: int, record: bytes) -> None:
     """Leave in the lock file which daemon was there last: anyone who finds another text knows that one was."""
-    with contextlib.suppress(OSError):  # a full disk; the record, which is written next, says so
+    with contextlib.suppress(OSError):  # a full disk; the next write, of the record, reports it
         os.ftruncate(descriptor, 0)
         os.pwrite(descriptor, record, 0)
 

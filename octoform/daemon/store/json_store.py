@@ -1,6 +1,6 @@
 """What the daemon keeps on disk: small JSON files of one format, never half written, never silently lost.
 
-A file that is damaged, of a newer octoform or no file at all is set aside under another name and said; the daemon
+A file that is damaged, of a newer octoform or no file at all is moved to another name and reported; the daemon
 then begins with what it would have known on its first day. While it lives it alone writes them: what somebody else
 makes of them meanwhile is noticed, and what it knows itself is written again. Light.
 """
@@ -39,7 +39,7 @@ class Shelf:
         return self.layout.daemon / name
 
     def read(self, name: str) -> dict[str, Any]:
-        """A file's document; an empty one when there is none, or when it was set aside."""
+        """A file's document; an empty one when there is none, or when it was moved away."""
         path = self.path(name)
         data, problem = read_regular(path, LIMIT)
         self.wrote(name)
@@ -57,7 +57,7 @@ class Shelf:
         """Replace a file as a whole; False for a refusal by the disk, which is stated: the former one stays."""
         path = self.path(name)
         self.is_mine(name)
-        with contextlib.suppress(OSError):  # the write says what is wrong
+        with contextlib.suppress(OSError):  # the write reports what is wrong
             private_folder(path.parent)
         data = json.dumps({"format": FORMAT, **document}, separators=(",", ":")).encode() + b"\n"
         if problem := write_atomic(path, data, 0o600):
@@ -82,7 +82,7 @@ class Shelf:
         return False
 
     def move_aside(self, path: Path, why: str) -> None:
-        """Move what is no file of ours out of the way, and say it; the one that was set aside before is gone then."""
+        """Move a foreign file away, and report it; it replaces the one that was moved before."""
         kept = path.with_name(f"{path.name}.damaged")
         try:
             move(path, kept)

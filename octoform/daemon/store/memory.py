@@ -61,7 +61,7 @@ class Memory:
             self._save()
 
     def keep_report(self, report: LastReport) -> None:
-        """Remember what WATCH was asked and said."""
+        """Remember WATCH's input and report."""
         self.report = report
         self._save_report()
 

@@ -1,6 +1,6 @@
 """What WATCH reported, as findings: its closed classes are the playbook, and what is in none of them is for a person.
 
-A report has passed its contract before it comes here (the tools and devices it names exist, what it says cites
+A report has passed its contract before it comes here (the tools and devices it names exist, its statements cite
 readings); what it states is still an agent's word, so it changes nothing that code can see better.
 """
 
@@ -62,7 +62,7 @@ def _finding(reported: Mapping[str, Any], facts: Facts) -> Finding:
     fatal = reported.get("severity") == "fatal"
     repairs = (Repair.PERSON,) if fatal else _sensible(fault, facts)
     tool, device = reported.get("tool"), reported.get("device")
-    # What it says in words differs from report to report of the same trouble, so it is no evidence.
+    # The wording differs from report to report of the same problem, so it is no evidence.
     evidence = ("watch", str(fault), "fatal" if fatal else "recoverable")
     return Finding(
         Kind.TOOL_FAILING if fatal else _KINDS[fault],

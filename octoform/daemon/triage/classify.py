@@ -107,7 +107,7 @@ def _moved(name: str, now: LastSeen, former: LastSeen | None) -> Finding | None:
 
 # Tools that fail for a reason that nothing else explains: the one thing that an agent is asked about.
 #
-# An exception that says something of the code counts at once; what a device, a line or a client's arguments may have
+# An exception about the code counts at once; what a device, a line or a client's arguments may have
 # caused counts when it happens again with no success between.
 
 AGAIN = 2
@@ -134,7 +134,7 @@ def judge_tools(facts: Facts, recall: Recall, others: Iterable[Finding]) -> Iter
 
 def _judged(name: str, failing: Failing, explained: bool) -> Finding | None:
     if failing.error in _IMPORTS:
-        return None  # told as a package
+        return None  # reported as a package
     if failing.error == AMBIGUOUS:
         return _finding(Kind.DEVICE_DOUBTFUL, FaultClass.DEVICE_MOVED, name, failing, Repair.PERSON)
     if failing.error == ABSENT:
@@ -158,8 +158,9 @@ def _finding(kind: Kind, fault: FaultClass, name: str, failing: Failing, repair:
 
 # What readings say by themselves: a picture that shows nothing, and a unit that should report and does not.
 #
-# A tool that fails reports nothing either: that is one trouble, told of the tool (`octoform.daemon.triage.classify`) as
-# soon as it is certain; until then health knows that nothing is known of what it reads.
+# A tool that fails reports nothing either: that is one problem, reported for the tool
+# (`octoform.daemon.triage.classify`) as soon as it is certain; until then health knows that nothing is known of what it
+# reads.
 
 _TROUBLE = "/trouble"
 _FROZEN = "frozen"
@@ -175,7 +176,7 @@ def judge_signals(
     ``failing`` are the tools whose last call failed, ``others`` what is wrong already.
     """
     began = facts.process.start / TICKS if facts.process is not None else 0.0
-    # What could not be read of a process that is no more says nothing of the one that serves now.
+    # What could not be read of a process that is no more is no evidence about the one that serves now.
     known = [each for each in readings if each.value is not None or each.uptime >= began]
     gone = {name for name, each in facts.devices.items() if each.there is False}
     yield from _pictures(known, gone)
@@ -241,7 +242,7 @@ def judge(
     standing = [*process.disk(facts), *process.logs(facts), *process.damaged(facts), *process.environment(facts, known)]
     plugged = [*judge_devices(facts, before), *hardware(facts, before)]
     barred = list(process.port(facts))
-    # An edited file stays as long as its person wants it: the endpoint is started with it, or refuses and says why.
+    # An edited file stays as long as its person wants it: the endpoint is started with it, or refuses with a reason.
     awaited = [each for each in standing if _known(each, given_up).key not in given_up]
     serving = [*barred, *process.judged(facts, known, [*awaited, *barred]), *process.tunnel(facts)]
     using = [*process.beyond_limits(facts), *judge_tools(facts, known, [*standing, *plugged, *serving])]

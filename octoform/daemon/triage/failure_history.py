@@ -30,7 +30,7 @@ _CHANGING = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-f]{8,}\b|\d+(?:\.\d+)?")
 
 @dataclass(frozen=True, slots=True)
 class Failing:
-    """A tool that failed and has not worked since: ``times`` in a row, ``said`` without what changes (numbers).
+    """A tool that failed and has not worked since: ``times`` in a row, ``said`` is the message without numbers.
 
     ``first`` and ``last`` are the times of the first and the last of these failures (RFC 3339; empty: not known).
     """
@@ -121,7 +121,7 @@ def _lives(recall: Recall, facts: Facts) -> tuple[tuple[float, ...], str | None,
 
 
 def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
-    # A tool that moves something is called by nobody to find out; the devices themselves tell that it may work again.
+    # A tool that moves something is never called as a test; its devices' readings show that it may work again.
     over = _OF_DEVICES if _found(facts) else frozenset[str]()
     failing = {
         name: each for name, each in recall.failing.items() if name not in facts.worked and each.error not in over
@@ -129,7 +129,7 @@ def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
     for call in facts.failures:
         if not call.ok:
             failing[call.tool] = _once_more(failing.get(call.tool), call, facts.stamp)
-    # What an apply took away is missed by nobody, and no call could ever show that it works again.
+    # A tool that an apply removed is not missed, and no call could ever show that it works again.
     there = {name: each for name, each in failing.items() if not facts.offered or name in facts.offered}
     return dict(list(there.items())[-MOST_TOOLS:])
 

@@ -12,7 +12,7 @@ CRASHES = 3
 """Short lives in the window after which it is a loop, and another start alone no repair."""
 TARGET = "endpoint"
 THE_START = "the start"
-"""Who said it, of a finding that is made of the words of a start that failed."""
+"""The source of a finding from the message of a failed start."""
 _BARRED = frozenset({Repair.RESTORE, Repair.REBUILD, Repair.REPUBLISH})
 
 
@@ -46,7 +46,7 @@ def judged(facts: Facts, recall: Recall, standing: Iterable[Finding]) -> Iterato
 
 
 def tunnel(facts: Facts) -> Iterator[Finding]:
-    """A tunnel that ought to run and does not; its own process opens it again, so it is only said."""
+    """A tunnel that ought to run and does not; its own process opens it again, so it is only reported."""
     found = (facts.reported or {}).get("tunnel")
     if isinstance(found, Mapping) and found.get("state") not in ("running", "starting", "revoked"):
         yield Finding(
@@ -61,7 +61,7 @@ def tunnel(facts: Facts) -> Iterator[Finding]:
 
 
 def _bars(finding: Finding) -> bool:
-    """Whether a start must wait until this is repaired; what only a failed start said is proved by the next start."""
+    """Whether a start must wait until this is repaired; the next start proves what only a failed start reported."""
     return finding.kind is Kind.PORT_TAKEN or (finding.repair in _BARRED and finding.data.get("who") != THE_START)
 
 
@@ -99,11 +99,11 @@ def _name(stuck: object) -> str:
 
 
 def _last_message(facts: Facts) -> str:
-    """What the process or its last start said, bounded."""
+    """The last output of the process or of its start, bounded."""
     return escaped(facts.start_failed or "\n".join(facts.printed[-10:]), keep="\n")[:1500]
 
 
-# What the endpoint stands on: accepted artifacts, its published files, its environment, and what only a person mends.
+# The files that the endpoint needs: accepted artifacts, published files, environment; and what only a person repairs.
 #
 # The reasons of `octoform.endpoint.drift` and `octoform.endpoint.environment.model` are sentences for people;
 # this is the one place where they are sorted, and what is in no known sentence counts as a damage of the published
@@ -111,15 +111,15 @@ def _last_message(facts: Facts) -> str:
 
 MOST = 50
 FOREIGN = "foreign"
-"""What `Facts.damaged` says of a file that lies beside the accepted ones and is none of them."""
+"""The reason in `Facts.damaged` for a file beside the accepted ones that is none of them."""
 SINGLE = 3
-"""Damaged files of one folder that are told one by one; more are reported as the folder."""
+"""Damaged files of one folder that are reported one by one; more are reported as the folder."""
 _STAGE_PARTS = 3
 _PACKAGE = re.compile(r"^(?P<name>[A-Za-z0-9][\w.-]*) (?:\S+ )?(?:is gone from|was added to|-> \S+ in) the serving env")
 _CONFLICT = re.compile(r"was added to the serving environment|both provide|provided by (two|several)")
 _SERVED = re.compile(r"^(server\.py|the runtime)\b")
 _OTHER_SERVER = re.compile(r"^server\.py is not the one that the endpoint was made for$")
-"""A damaged one is told by its path; one that was accepted since is reported as such."""
+"""A damaged one is reported by its path; one that was accepted since is reported as such."""
 _ELSEWHERE = re.compile(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
 """Reasons that are about the process, or about a check of former days: the process itself is asked instead."""
 _OF_PERSON = re.compile(r"built for another set of packages")
@@ -155,7 +155,7 @@ def damaged(facts: Facts) -> Iterator[Finding]:
 
 
 def environment(facts: Facts, recall: Recall) -> Iterator[Finding]:
-    """Packages that are gone, changed or in each other's way, as far as names tell or an import failed."""
+    """Packages that are gone, changed or in each other's way, by their names or by a failed import."""
     for reason in sorted({*facts.environment, *(each for each in facts.endpoint if "serving environment" in each)})[
         :MOST
     ]:
@@ -196,7 +196,7 @@ def _is_published(reason: str, facts: Facts) -> bool:
         return False
     if _OTHER_SERVER.match(reason):
         return False
-    # A damaged runtime is told by its path; without one, publishing again is what puts it right.
+    # A damaged runtime is reported by its path; without one, publishing again is what puts it right.
     return not (_SERVED.match(reason) and _is_served_damaged(facts))
 
 
@@ -247,7 +247,7 @@ def _imports(facts: Facts, recall: Recall) -> Iterator[Finding]:
 LEAST_FREE = 64_000_000
 """Bytes below which a state, a log or a built environment may not be written any more."""
 LARGEST_LOG = 10_000_000
-"""Bytes above which a log is set aside."""
+"""Bytes above which a log is archived."""
 _ASIDE = re.compile(r"\.\d+(\.\w+)?$")
 _PORT = re.compile(
     r"address already in use|\bports?\b.{0,80}\b(taken|in use|free)\b|\b(taken|in use)\b.{0,40}\bport", re.I
@@ -271,7 +271,7 @@ def disk(facts: Facts) -> Iterator[Finding]:
 
 
 def logs(facts: Facts) -> Iterator[Finding]:
-    """Logs that outgrew their bound; what was set aside already (``.1``, ``.2.gz``) stays as it is."""
+    """Logs that outgrew their bound; what was archived already (``.1``, ``.2.gz``) stays as it is."""
     for name, size in sorted(facts.log_bytes.items()):
         if size > LARGEST_LOG and not _ASIDE.search(name):
             summary = f"the log {name} has grown to {size // 1_000_000} MB"

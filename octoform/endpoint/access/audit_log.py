@@ -22,8 +22,8 @@ Record = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Checked:
-    """What checking the whole log gave. ``hash`` is that of the last record, number ``seq``: whoever keeps it elsewhere
-    can tell later that the log up to there is the same. ``line`` of ``file`` is where the first of ``faults`` is."""
+    """The result of checking the whole log. ``hash`` is that of the last record, ``seq``: with a copy of it, a reader
+    can prove later that the log up to there is the same. ``line`` of ``file`` is where the first of ``faults`` is."""
 
     ok: bool
     records: int

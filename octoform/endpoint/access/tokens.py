@@ -30,7 +30,7 @@ APPLY = "octoform apply"
 """Who made the first token."""
 EFFECTS = ("read", "actuate", "irreversible")
 PREFIX = "octoform_"
-"""Begins every value, so that whoever finds one knows what it opens."""
+"""Begins every value, so that the finder of one knows what it opens."""
 _LOCK = "tokens.lock"
 MOST_VALUE_BYTES = 4096
 
@@ -138,7 +138,7 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
 
 
 def kept_values(layout: Layout) -> dict[str, str]:
-    """What stands in the files of values, by name, as far as it can be read: to be found in a text, not to be shown."""
+    """The content of the files of values, by name, as far as readable: to be found in strings, not to be shown."""
     found = {}
     folder = layout.run / VALUES
     for path in sorted(folder.glob("*")) if folder.is_dir() else ():

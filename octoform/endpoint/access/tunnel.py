@@ -39,7 +39,7 @@ class Revocation:
 
 
 def allow(layout: Layout) -> None:
-    """Let the tunnel open again: what a person says with `octoform start`."""
+    """Let the tunnel open again: a person's order with `octoform start`."""
     (layout.run / REVOKED).unlink(missing_ok=True)
 
 
@@ -84,9 +84,10 @@ def _not_proved(detail: str) -> Diagnostic:
     return error("TUNNEL-NOT-REVOKED", "the tunnel is not verified to be gone", detail=detail, hint=hint)
 
 
-# Where the endpoint is reached from outside of this machine: what was published, and what its tunnel says now. Light.
+# Where the endpoint is reached from outside of this machine: what was published, and what its tunnel reports now.
+# Light.
 #
-# A tunnel opens some seconds after the process that serves, or never: whoever tells a person that all is done asks
+# A tunnel opens some seconds after the process that serves, or never: a command that reports success to a person asks
 # here.
 
 OPENING, RUNNING = "starting", "running"
@@ -98,7 +99,7 @@ _WORDS = {"revoked": "the tunnel is revoked", OPENING: "the tunnel has no addres
 
 @dataclass(frozen=True, slots=True)
 class TunnelState:
-    """A tunnel as its process tells it: ``state`` is starting, running, not running, revoked or unknown.
+    """A tunnel as its process reports it: ``state`` is starting, running, not running, revoked or unknown.
 
     ``url`` is its address while it runs, without a path; ``reason`` why it does not.
     """

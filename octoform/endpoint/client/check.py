@@ -26,7 +26,7 @@ from octoform.records import dataclass
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
-# The trial calls of a read tool, one for each device, with harmless arguments: its author's or its schema's.
+# The test calls of a read tool, one for each device, with harmless arguments: its author's or its schema's.
 
 _SIMPLE: dict[str, Any] = {"boolean": False, "array": [], "object": {}, "null": None}
 
@@ -267,7 +267,7 @@ def _record(report: CheckReport) -> bytes:
         "protocol": report.protocol,
         "server": report.server,
         "tools": sorted(tool["name"] for tool in report.tools),
-        # What the devices said is theirs and the clients' business.
+        # The devices' answers are between them and the clients.
         "calls": [
             {
                 **{name: value for name, value in asdict(call).items() if name not in ("results", "raw")},

@@ -21,8 +21,8 @@ class SampleCallResult:
     """One test call, and its repetitions.
 
     ``device`` is the one that the call was for, where it is known. ``skipped`` is the reason why there was none.
-    ``error_class`` is the exception's class as the log tells it, or ``Timeout``, ``OutputSchema``, ``ResultRefused``,
-    ``Protocol``, ``BadArgument``. ``logged`` means that call and result both stand in the log, ``ended_well`` is what
+    ``error_class`` is the exception's class as the log has it, or ``Timeout``, ``OutputSchema``, ``ResultRefused``,
+    ``Protocol``, ``BadArgument``. ``logged`` means that the log has both call and result, ``ended_well`` is what
     that result states. ``pictures`` holds
     ``{"bytes", "mean", "spread"}`` for each picture of the answer, brightness in 0..255. ``results`` are the structured
     results of all calls that were made, ``raw`` the numbers that the tool read meanwhile, one table for each.
@@ -58,10 +58,10 @@ class CheckReport:
     unrecorded: Diagnostic | None = None
 
 
-# Whether the results of a trial call can be true: physical bounds, the device that was asked, numbers that move.
+# Whether the results of a test call can be true: physical bounds, the device that was asked, numbers that move.
 #
-# A result that satisfies its schema may still be nonsense: millidegrees told as degrees, the reading of another device,
-# a constant.
+# A result that satisfies its schema may still be nonsense: millidegrees reported as degrees, the reading of another
+# device, a constant.
 
 _NAMES = frozenset({"device", "device_id"})
 _MOVED = 0.1
@@ -177,7 +177,7 @@ def judge_check(
     """Errors and warnings of a check; no errors means that the endpoint is alive and every tried tool is sound.
 
     ``seen`` are the devices that PROBE saw a moment ago: one that a tool does not find is no fault of the room.
-    ``lacked`` says of a program that was not found whether the host is known to lack it; None for every program.
+    ``lacked`` returns, for a program that was not found, whether the host is known to lack it; None for every program.
     """
     found = [report.unrecorded] if report.unrecorded else []
     if not report.answered:
@@ -256,7 +256,7 @@ def _failure(call: SampleCallResult, *, known: bool, seen: bool, lacked: Lacked 
     if kind in DEFECTS or kind in ("Protocol", "BadArgument"):
         hint = "another set of packages may fix it; to have the server written again: octoform apply -replace serve"
         return [error("ENDPOINT-TOOL-BROKEN", f"{call.tool} fails in its own code: {kind}: {text}", hint=hint)]
-    if not known:  # an error that the log does not hold was told already
+    if not known:  # an error that the log does not hold was reported already
         return []
     report = error if seen else warning
     if kind == "DeviceAbsent":

@@ -140,12 +140,12 @@ class Wire:
 
 
 def sender(name: str) -> dict[str, Any]:
-    """What a request says of its sender's name, as members of its _meta."""
+    """The sender's name in a request, as members of its _meta."""
     return {f"{_PREFIX}/clientInfo": {"name": name, "version": octoform.__version__}}
 
 
 def _envelope() -> dict[str, Any]:
-    """What each request says of its sender: elicitation, so that the endpoint may ask for an approval."""
+    """The sender's capabilities in each request: elicitation, so that the endpoint may ask for an approval."""
     return {
         f"{_PREFIX}/protocolVersion": VERSION,
         **sender("octoform"),
@@ -171,7 +171,7 @@ def _result(message: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _report(message: Mapping[str, Any], number: int, progress: Progress) -> None:
-    """Tell of a progress notification of this very request; every other notification is no one's."""
+    """Report a progress notification of this very request; every other notification is no one's."""
     found = message.get("params")
     if message.get("method") != "notifications/progress" or not isinstance(found, dict):
         return

@@ -26,9 +26,9 @@ from octoform.state.layout import Layout
 
 # Keep what was just seen of the live endpoint, so that the next plan knows of it.
 #
-# A plan starts nothing, so it can only tell a dead endpoint from a live one by what was seen last. Whoever asks the
-# endpoint therefore leaves word when it is other than the last check found it: a plan that still said "no changes"
-# after a person was told that the endpoint is down would lead nowhere.
+# A plan starts nothing, so it knows whether the endpoint lives only from the last check. A command that asks the
+# endpoint therefore leaves word when it is other than the last check found it: a plan that still reported "no changes"
+# after a report that the endpoint is down would lead nowhere.
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,7 +41,7 @@ class EndpointState:
 
 
 def published(layout: Layout) -> str | None:
-    """What tells one published endpoint from the next: the folder of its environment; None when there is none."""
+    """The identity of a published endpoint: the folder of its environment; None when there is none."""
     manifest = read_manifest(layout)
     return str(manifest["environment"]) if manifest and "environment" in manifest else None
 
@@ -62,7 +62,7 @@ def record_state(layout: Layout, asked: str | None, state: EndpointState) -> Non
     try:
         known = files.read_json(path)
     except (OSError, ValueError):
-        return  # never checked: a plan says so already
+        return  # never checked: a plan reports it already
     if not isinstance(known, dict) or published(layout) != asked:
         return
     seen = {"answered": state.answered, "error": state.error, "tools": list(state.tools)}
@@ -90,7 +90,7 @@ class Wanted:
     """A call to make; at most ``seconds`` for each of its answers.
 
     ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
-    schema. With ``dry_run`` the endpoint shows what it would do, and does nothing. ``approved``: a person said yes
+    schema. With ``dry_run`` the endpoint shows what it would do, and does nothing. ``approved``: a person approved
     before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
     a person stopped is started.
     """
@@ -108,8 +108,8 @@ class Wanted:
 class CallResult:
     """A tool's answer: content blocks as MCP has them (media as base64), structured content, duration in ms.
 
-    ``is_error`` is the tool's own word; ``message`` is then what it said. ``refused`` is the endpoint's code where it
-    did not let the call through (``denied``, ``estop``, ...), else None. ``dry``: nothing was done, it was only told.
+    ``is_error`` is the tool's own word; ``message`` is then its text. ``refused`` is the endpoint's code where it
+    did not let the call through (``denied``, ``estop``, ...), else None. ``dry``: nothing was done, only described.
     """
 
     content: tuple[dict[str, Any], ...]
@@ -186,7 +186,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
     try:
         known = next((tool for tool in tools if tool["name"] == wanted.tool), None)
         if known is None and wanted.tool in hidden(layout):
-            # No client is shown it. The endpoint says why, and its log has that somebody tried.
+            # No client is shown it. The endpoint gives the reason, and its log has the attempt.
             known = {"name": wanted.tool, "input_schema": {}}
         if known is None:
             return None, (_unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
@@ -272,7 +272,7 @@ class _Call:
         if not self._answer:
             summary = f"{wanted.tool} was not approved"
             return None, (error("ENDPOINT-CALL-NOT-APPROVED", summary, detail=result_text(result) or None),)
-        # A tool whose schema has no room for it can only tell of a dry run as an error.
+        # A tool whose schema has no room for it can only report a dry run as an error.
         dry = (result.get("_meta") or {}).get(DRY_RUN) is True
         content, structured = tuple(result.get("content", ())), result.get("structuredContent")
         is_error = bool(result.get("isError")) and not (dry and wanted.dry_run)

@@ -152,7 +152,7 @@ def _failed(summary: str, detail: str) -> Diagnostic:
 #
 # The first import of freshly installed packages costs two CPU seconds of compiling, which would otherwise stand at the
 # end of a first apply, when a person waits for the endpoint. It is a guess and never more: nothing rests on it, and
-# what fails here fails again, and is told, where it counts.
+# what fails here fails again, and is reported, where it counts.
 
 GUESS = ("fastmcp>=4.1,<4.2",)
 """What the SERVE spec asks of every server; further packages differ from host to host."""

@@ -1,7 +1,7 @@
 """Import a generated server where it will be served, in a process of its own, and judge what that showed.
 
 A file that compiles may still fail to import, may hang, may print over the protocol's stream or may open the camera
-for as long as a client lives; only the serving interpreter can tell.
+for as long as a client lives; only the serving interpreter shows it.
 """
 
 import os

@@ -44,7 +44,7 @@ def locate(layout: Layout, lock_text: str) -> Environment:
 
 
 def at(path: Path) -> Environment | None:
-    """The complete environment in this folder as its marker tells it, or None."""
+    """The complete environment in this folder by its marker, or None."""
     marker = _marker(path)
     if marker is None:
         return None
@@ -70,7 +70,7 @@ def intact(environment: Environment) -> list[str]:
     lost = sorted(set(marker.get("modules") or ()) - set(names))
     reasons = [f"{name} is gone from the serving environment" for name in lost]
     if "modules" in marker and not set(present) - set(built):
-        # What was installed is told by its distribution, not by each of its modules.
+        # What was installed is reported by its distribution, not by each of its modules.
         added = {name for name in names if not name.endswith(_DIST_INFO)} - set(marker["modules"] or ())
         reasons += [f"{name} was added to the serving environment" for name in sorted(added)]
     for name in sorted({*built, *present}):

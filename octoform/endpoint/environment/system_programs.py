@@ -58,7 +58,7 @@ def package_of(program: str, environ: Mapping[str, str]) -> str | None:
 
 
 def missing_programs(layout: Layout, environ: Mapping[str, str]) -> dict[str, list[str]]:
-    """Each program that is missing to the tools that need it, as INTERFACE says of them.
+    """Each program that is missing to the tools that need it, by their descriptions in INTERFACE.
 
     A program that INTERFACE does not name is the server's own choice: the test finds it, and SERVE takes another way.
     A server or an INTERFACE that was damaged names none: plan and status report the damage.
@@ -94,7 +94,7 @@ def _text(layout: Layout, stage: str) -> str:
 
 
 def _descriptions(layout: Layout) -> dict[str, str]:
-    """Tool to what INTERFACE says of it; empty where there is no INTERFACE that could be read."""
+    """Tool to its description in INTERFACE; empty where there is no INTERFACE that could be read."""
     try:
         document = files.parse(_text(layout, "interface"))
     except ValueError:

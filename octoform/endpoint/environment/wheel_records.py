@@ -91,7 +91,7 @@ def _rows(record: Path) -> list[tuple[str, str]]:
     try:
         text = head(record, MOST_BYTES, follow=True).decode("utf-8", "replace")
         return [(row[0], row[1]) for row in csv.reader(io.StringIO(text)) if len(row) > 1]
-    except (OSError, csv.Error):  # a distribution without a list says nothing; that it is damaged shows elsewhere
+    except (OSError, csv.Error):  # a distribution without a list is not checked; damage to it shows elsewhere
         return []
 
 

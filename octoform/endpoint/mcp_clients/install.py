@@ -25,7 +25,7 @@ from octoform.endpoint.mcp_clients.text_edit import Path as Way
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at, place
 from octoform.records import dataclass
 
-# A client's own configuration file on disk: read with care, kept aside before a change, replaced as a whole.
+# A client's own configuration file on disk: read with care, backed up before a change, replaced as a whole.
 #
 # The file is a person's, and its client may write it at any moment. It is written through a link, keeps its mode, and
 # is only replaced when it still is what was read.
@@ -225,7 +225,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True)
 class ClientState:
-    """What is seen of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` tells of the file.
+    """The state of a client: ``state`` is installed, absent, foreign or unreadable; ``there`` describes the file.
 
     ``current``: what is installed is what would be written now, so it leads to the endpoint.
     """

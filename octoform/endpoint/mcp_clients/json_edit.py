@@ -15,7 +15,7 @@ from octoform.records import dataclass
 # Read JSON as clients take it, with the place of every value: comments, trailing commas, single quotes, bare names.
 #
 # Configuration files of clients are written by hand (JSON, JSON with comments, JSON5), and a person's comments must
-# survive a change. No library keeps them: those that read the dialects give plain values and forget where they stood.
+# survive a change. No library keeps them: those that read the dialects give plain values and forget their positions.
 # So this module finds where each value stands, and `json_edit` changes the text at that place alone. It reads more
 # than any one client does; whether a file is right for its client is not decided here.
 

@@ -25,7 +25,7 @@ Ours: TypeAlias = Callable[[Mapping[str, Any]], bool]
 
 @dataclass(frozen=True, slots=True)
 class Wish:
-    """A server that shall stand in a file: its table there, its name, its entry.
+    """A server entry for a file: its table there, its name, its entry.
 
     ``prompted``: with the client's question for the token. ``dropped``: fields of an older entry that belong to
     another form; its other fields are the person's own and stay.

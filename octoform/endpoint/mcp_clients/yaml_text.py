@@ -102,7 +102,7 @@ class _Pair:
 
 @dataclass(slots=True)
 class _Node:
-    """A value: ``end`` is behind its last character, ``flow`` tells a mapping in braces."""
+    """A value: ``end`` is behind its last character, ``flow`` is true for a mapping in braces."""
 
     start: int
     end: int

@@ -3,7 +3,7 @@
 The calls' log is opened for every line, so it is renamed and the next line begins a new one. The log of the endpoint's
 process stays open in that process, so its bytes are copied and the file is cut: the process goes on at its beginning.
 Older archives are compressed, and only once the compressed one is whole on the disk; the newest archive never is, since
-a line may still come into it. The oldest one goes, but the lines that tell of errors outlive it.
+a line may still come into it. The oldest one goes, but its error lines outlive it.
 """
 
 import os
@@ -45,7 +45,7 @@ def archives(layout: Layout) -> list[Path]:
 
 
 def drop(path: Path) -> None:
-    """Remove an archive; its lines that tell of errors are kept beside it."""
+    """Remove an archive; its error lines are kept beside it."""
     _keep_errors(path, path.with_name(f"{path.name.partition('.')[0]}.errors"))
     path.unlink(missing_ok=True)
 

@@ -46,7 +46,7 @@ class Running:
     """A process that serves the endpoint; ``since`` is RFC 3339, ``url`` None without a network socket.
 
     ``start`` is when it started, in clock ticks since boot: with the pid, the boot and the command line it names
-    the process for certain. ``instance`` tells one start of the endpoint from another.
+    the process for certain. ``instance`` identifies one start of the endpoint.
     ``mark`` is in its environment as MARK, and in that of all that its tools started (None: started by hand).
     """
 
@@ -101,8 +101,8 @@ def _read(record: dict[str, Any]) -> Running:
 # A person's stop: a mark that lasts until the endpoint is wanted again, so that nothing starts it by itself. Light.
 #
 # ``octoform stop`` makes it. ``start`` and ``apply`` take it away, and so does a client whose command line its owner
-# gave ``-start``. Every other client is refused and told of the stop. The daemon leaves a marked endpoint alone, also
-# after a reboot.
+# gave ``-start``. Every other client is refused with the stop as the reason. The daemon leaves a marked endpoint alone,
+# also after a reboot.
 
 _LIMIT = 64 * 1024
 _LONGEST_WORDS = 200

@@ -75,7 +75,7 @@ def start(layout: Layout, seconds: float = START_SECONDS) -> tuple[Running | Non
         if found is not None:
             if accepts(layout):
                 return found, None
-            _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # what takes nobody is ending
+            _gone(found, min(end, time.monotonic() + STOP_SECONDS))  # a process that accepts no connection is ending
         return _start(layout, end)
 
 
@@ -117,8 +117,9 @@ def accepts(layout: Layout) -> bool:
 def stop(layout: Layout, seconds: float = STOP_SECONDS) -> Stopped:
     """End the process: asked first, killed when it has not gone after ``seconds``; nothing else is ever touched.
 
-    One that a signal or a debugger has stopped is killed at once: it hears nothing, and were it woken, calls that stood
-    still for who knows how long would go on first. (Systemd has its own way, and starts again what somebody else ends.)
+    One that a signal or a debugger has stopped is killed at once: it hears nothing, and were it woken, calls that
+    waited still for who knows how long would go on first. (Systemd has its own way, and starts again what somebody else
+    ends.)
     """
     found = running(layout)
     if found is None:
@@ -157,7 +158,7 @@ def _kept_children(pid: int) -> list[int]:
 
 
 def is_stopped(pid: int) -> bool:
-    """True while a process stands still because it was told to (proc(5): state T or t)."""
+    """True while a process is stopped by a signal (proc(5): state T or t)."""
     found = process_stat(pid)
     return found is not None and found.is_stopped
 
@@ -231,7 +232,7 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     begun: _Begun = systemd.started(layout) or _Detached(layout)
     patience, pause = time.monotonic() + STOP_SECONDS, _STEP
     while time.monotonic() < end:
-        # In this order: whoever greets owns the endpoint, and then the record tells of no process before it.
+        # In this order: the process that answers owns the endpoint, and then the record has no process before it.
         if accepts(layout) and (found := running(layout)) is not None:
             return found, None
         why = begun.ended()

@@ -60,7 +60,7 @@ WantedBy={target}
 
 @dataclass(frozen=True, slots=True)
 class SystemctlOutput:
-    """What systemctl said; ``status`` is None when there is no such program, or when it did not come to an end."""
+    """The output of systemctl; ``status`` is None when there is no such program, or when it did not come to an end."""
 
     status: int | None
     said: str
@@ -173,7 +173,7 @@ class Service:
 def started(layout: Layout) -> Service | None:
     """Let systemd start the endpoint; None when no unit of ours is installed, or when systemd does not take it.
 
-    Whoever gets here may end a person's stop, and the unit starts nothing while its mark is there.
+    A caller that gets here may end a person's stop, and the unit starts nothing while its mark is there.
     """
     if not is_ours(layout, unit_path(layout)):
         return None

@@ -53,7 +53,7 @@ def described(value: int = 0) -> dict[str, int]:
 
 
 def serve(orders: socket.socket) -> None:
-    """Fork for each order until there is nobody left to order, or nothing to do."""
+    """Fork for each order until no client is left, or nothing to do."""
     with selectors.DefaultSelector() as selector:
         selector.register(orders, selectors.EVENT_READ)
         while True:
@@ -95,7 +95,7 @@ def fork(order: dict[str, object], descriptors: list[int]) -> tuple[int, socket.
 
 
 def report(pid: int, answers: socket.socket) -> None:
-    """Tell how a fork has ended."""
+    """Report how a fork has ended."""
     status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     with answers, suppress(BrokenPipeError):  # who ordered it waited no longer
         answers.send(str(status).encode())

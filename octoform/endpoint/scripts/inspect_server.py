@@ -1,4 +1,4 @@
-"""Import a generated server under watch and tell what it declares and what it touched.
+"""Import a generated server under watch and report what it declares and what it touched.
 
 Run as ``python -I inspect_server.py <server.py>``; one JSON object on stdout. A server that opens a device, a
 connection or a process while it is merely imported would do so in every client's start-up and hold the device for

@@ -1,4 +1,4 @@
-"""A real MCP client for one errand: start the launcher, list its tools, call some, tell all of it.
+"""A real MCP client for one errand: start the launcher, list its tools, call some, report all of it.
 
 Run as ``python -I mcp_client.py`` with one JSON object on stdin::
 
@@ -108,7 +108,7 @@ async def errand(task: dict[str, Any], process: "subprocess.Popen[bytes]") -> di
                     if turn < call.get("again", 0) and is_quick(answer):
                         repeated = await one_call(client, call, schemas)
                         answer["again"].append(repeated["structured"])
-    except Exception as problem:  # noqa: BLE001 - the answer is the only way to tell the caller
+    except Exception as problem:  # noqa: BLE001 - the answer is the only way to report to the caller
         report["error"] = f"{type(problem).__name__}: {problem}"[:1000]
     return report
 

@@ -1,4 +1,4 @@
-"""Tell what a picture looks like: mean and spread of its brightness, and a grey thumbnail of it.
+"""Report what a picture looks like: mean and spread of its brightness, and a grey thumbnail of it.
 
 A camera that is covered, dead or still warming up answers with a valid picture of one colour; no schema sees that. As
 a program it reads ``{"pictures": [base64, ...]}`` from its input and prints ``{"pictures": [{"bytes", "width",

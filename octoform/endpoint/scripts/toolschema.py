@@ -1,4 +1,4 @@
-"""What a tool's schema says of arguments, what a result states: for a person's call and for DEPLOY's check alike.
+"""A tool's arguments by its schema, and the text of its result: for a person's call and for DEPLOY's check alike.
 
 One of the files that run in the serving environment too, so it imports nothing of octoform. The validator takes longer
 to load than a call takes, so it is loaded only where there is something to judge.

@@ -102,7 +102,7 @@ def read_saved(path: Path | None, compiled: Compiled) -> tuple[SavedRun | None, 
     return SavedRun(document), []
 
 
-# What the end of a run tells: the funnel and the endpoint, read from the accepted artifacts.
+# The summary at the end of a run: the funnel and the endpoint, read from the accepted artifacts.
 
 
 def funnel(artifacts: Mapping[str, Any]) -> Funnel | None:
@@ -194,7 +194,7 @@ def _sample_calls(layout: Layout) -> list[dict[str, Any]]:
     try:
         document = files.read_json(path)
     except (OSError, ValueError):
-        return []  # the check's own verdict was told already; only its calls are not to be had
+        return []  # the check's own verdict was reported already; only its calls are not to be had
     calls: list[dict[str, Any]] = document["calls"] if fits(document, {"calls": [dict]}) else []
     return calls
 
@@ -382,7 +382,7 @@ class _Run:
     def _notices(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
         """Profiles that match what this run found and that no one chose, and the other way round.
 
-        What the plan said already is not repeated.
+        What the plan reported already is not repeated.
         """
         if self.request.destroy:
             return []
@@ -423,7 +423,7 @@ class _Run:
 
 
 _LASTING = (device_knowledge.STRAY, device_knowledge.UNMATCHED)
-"""What a plan from the memo says as well: it rests on the manifest and on what was accepted, as the memo does."""
+"""Diagnostics of a plan from the memo: it rests on the manifest and on what was accepted, as the memo does."""
 
 
 def _has_offers(outlook: Outlook) -> bool:

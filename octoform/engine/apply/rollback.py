@@ -88,7 +88,7 @@ def forget(layout: Layout) -> None:
 
 @contextmanager
 def taken_back(former: Callable[[], Former | None]) -> Iterator[None]:
-    """A run that is ended in the middle, in order, is taken back at once; whoever wanted its end hears of that."""
+    """A run that is ended in the middle, in order, is taken back at once; the caller that ended it gets that result."""
     try:
         yield
     except BaseException:
@@ -116,7 +116,7 @@ def settle(layout: Layout) -> tuple[tuple[str, ...], list[Diagnostic]]:
         return (), found
     text = "took back what an unattended run had left when it was killed"
     unserved = [item.summary for item in _served_again(former) if has_errors([item])]
-    forget(layout)  # what is not served then is a trouble of its own, and no reason to refuse a person's apply
+    forget(layout)  # what is not served then is a problem of its own, and no reason to refuse a person's apply
     return (": ".join([text, *unserved[:1]]),), found
 
 

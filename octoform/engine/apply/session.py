@@ -126,7 +126,7 @@ def context_of(compiled: Compiled, situation: Situation, store: StateStore, mean
     )
 
 
-# ``git: {commit: true}``: apply commits what it changed, and says in trailers what made it.
+# ``git: {commit: true}``: apply commits what it changed, and names in trailers what made it.
 
 
 def commit_run(layout: Layout, snapshot: Snapshot, operation: str) -> tuple[str | None, list[Diagnostic]]:
@@ -149,7 +149,7 @@ def _trailers(snapshot: Snapshot) -> dict[str, str]:
 
 
 def _usage(snapshot: Snapshot) -> str:
-    """Tokens and money of the accepted runs, as far as the agents told; what no one told is unknown, not zero."""
+    """Tokens and money of the accepted runs, as far as the agents reported them; unreported is unknown, not zero."""
     usages = [state.usage for state in snapshot.nodes.values()]
     counts = [count for usage in usages for count in (usage.input_tokens, usage.output_tokens) if count is not None]
     costs = [usage.cost_usd for usage in usages if usage.cost_usd is not None]
@@ -159,7 +159,7 @@ def _usage(snapshot: Snapshot) -> str:
 
 # The orchestrator's lines in the host's one execution log, beside those of the tools.
 #
-# One stream, so that whoever reads it later sees in one order what was done to the host and what was called on it.
+# One stream, so that a later reader sees in one order what was done to the host and what was called on it.
 
 
 @contextmanager
@@ -204,7 +204,7 @@ class _Log:
             write_all(self._descriptor, b"\n" + line if self._torn else line)
             self._torn = False
         except OSError as problem:
-            self._torn = True  # some of it may stand there; the next line must not be glued to it
+            self._torn = True  # some of it may be there; the next line must not be glued to it
             self._tell(problem)
 
     def _tell(self, problem: OSError) -> None:

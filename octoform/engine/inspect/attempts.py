@@ -1,7 +1,7 @@
 """Attempts as a person asks for them: which there were, how they ended, and all that is known of one. (Heavy.)
 
 What octoform wrote at the end of an attempt is its record. An attempt without one runs now or was killed, and only
-the lock and the supervisor's process tell which; its task and its transcript say who is at work and what was used.
+the lock and the supervisor's process show which; its task and its transcript show who is at work and what was used.
 """
 
 from collections.abc import Mapping, Sequence
@@ -44,7 +44,7 @@ class Attempt:
     """One attempt.
 
     ``state`` is ``accepted``, ``refused`` (its run was well, its output was not), the reason that its run ended for
-    (``timeout``, ``auth`` ...), ``running`` or ``interrupted``. ``began`` is RFC 3339 in UTC. ``told`` is the record,
+    (``timeout``, ``auth`` ...), ``running`` or ``interrupted``. ``began`` is RFC 3339 in UTC. ``facts`` is the record,
     and where there is none as much of it as the task and the transcript hold.
     """
 
@@ -59,7 +59,7 @@ class Attempt:
 
     @property
     def diagnostics(self) -> list[Diagnostic]:
-        """What the gate said of it."""
+        """The gate's diagnostics about it."""
         return [from_json(item) for item in self.record.diagnostics] if self.record is not None else []
 
     @property
@@ -157,7 +157,7 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
     process = orphans.read(folder)
     record = records.read(folder)
     if record is not None and (record.number, record.stage) != (number, stage):
-        record = None  # not written by octoform: it says what its folder's name denies
+        record = None  # not written by octoform: it contradicts its folder's name
     if record is None:
         running = live or (process is not None and not process.ended and is_alive(process.pid, process.start))
         found = _so_far(folder, RUNNING if running else INTERRUPTED)
@@ -166,7 +166,7 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
 
 
 def _so_far(folder: Path, state: str) -> AttemptRecord:
-    """What the attempt's files tell of it without a record; an agent may have written them, so all of it is foreign."""
+    """The attempt's facts by its files, without a record; an agent may have written them, so all of it is foreign."""
     number, stage, attempt = _parts(folder.name)
     task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"")
     role, harness, model = (_word(field(task, name)) for name in ("role", "harness", "model"))

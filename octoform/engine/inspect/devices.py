@@ -32,7 +32,7 @@ WHERE_SECONDS = 30.0
 class Attached:
     """Where a device is now: ``port`` and ``nodes``; ``doubt`` is why it is absent, or why nothing is moved with it.
 
-    ``refused`` are the nodes that this user may not use, as `octoform.runtime.where.refused` tells them.
+    ``refused`` are the nodes that this user may not use, as `octoform.runtime.where.refused` lists them.
     """
 
     attached: bool
@@ -173,7 +173,7 @@ def _attached(answer: Mapping[str, Any]) -> Attached:
     return Attached(**fields, nodes=tuple(answer["nodes"]), refused=tuple(answer["refused"]))
 
 
-# The served devices that this user may not use, asked now: what an apply, the doctor and the coverage tell of them.
+# The served devices that this user may not use, asked now: for an apply, the doctor and the coverage.
 
 CODE = "ENDPOINT-NO-RIGHTS"
 

@@ -180,7 +180,7 @@ PATIENCE_SECONDS = 2.0
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """What one line for a person tells; ``at`` as in `Line`.
+    """The content of one line for a person; ``at`` as in `Line`.
 
     ``line`` is what it was made of: of a call its result, as far as there is one. ``call`` is the line with which the
     call began; None for everything that is no call.

@@ -90,7 +90,7 @@ def compile_project(
 ) -> tuple[Compiled | None, list[Diagnostic]]:
     """The compiled project of a folder, or the diagnostics; warnings come along with a result.
 
-    Without ``named`` it is compiled as if no person had said anything of the hardware (Tier 1).
+    Without ``named`` it is compiled as if no person had described the hardware (the paper's tier 1).
     """
     manifest, found = load_manifest(project / MANIFEST, environ)
     if manifest is not None and not named:

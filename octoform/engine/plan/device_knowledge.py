@@ -39,7 +39,7 @@ class Offer:
 
 
 def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQuestion, ...]:
-    """One for each device whose meaning is missing and that no one has spoken of."""
+    """One for each device that is unidentified and has no answer."""
     return tuple(
         OpenQuestion(device["id"], device["identified_as"], device["missing"], asked)
         for device in _annotated(artifacts)
@@ -48,7 +48,7 @@ def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQue
 
 
 def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[str, Prior]) -> tuple[NamedDevice, ...]:
-    """The devices that IDENTIFY could name, each with its tier, as of what was said when it was accepted."""
+    """The devices that IDENTIFY could name, each with its tier, by the answers at its acceptance."""
     answers = accepted_answers(prior)
     descriptions = {profile.name for profile in profiles if profile.describes}
     return tuple(
@@ -67,7 +67,7 @@ def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[
 def profile_uses(
     artifacts: Artifacts, profiles: tuple[Profile, ...], answers: Mapping[str, str], prior: Mapping[str, Prior]
 ) -> tuple[ProfileUse, ...]:
-    """For which device each profile holds, would then hold, or would hold no longer; as far as PROBE is known."""
+    """Which devices each profile matches, will match, or will match no longer; as far as PROBE is known."""
     probe = artifacts.get("probe")
     if probe is None:
         return ()
@@ -96,7 +96,7 @@ def _action(before: bool, now: bool) -> Action:
 
 
 def accepted_answers(prior: Mapping[str, Prior]) -> dict[str, str]:
-    """What had been said when IDENTIFY was accepted."""
+    """The answers when IDENTIFY was accepted."""
     parts = prior["identify"].key_parts if "identify" in prior else {}
     return {part.removeprefix(ANSWER): text for part, text in parts.items() if part.startswith(ANSWER)}
 

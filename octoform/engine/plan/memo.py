@@ -38,7 +38,7 @@ def path_of(project: Path) -> Path:
 
 @dataclass(frozen=True, slots=True)
 class Remembered:
-    """A plan without work, and what is to be said with it whenever it is shown."""
+    """A plan without work, and its diagnostics whenever it is shown."""
 
     plan: Plan
     diagnostics: tuple[Diagnostic, ...] = ()
@@ -55,7 +55,7 @@ def recall(project: Path, environ: Mapping[str, str]) -> Remembered | None:
 
 
 def _current(memo: Mapping[str, Any], project: Path) -> Plan | None:
-    """The plan, with what git says now; None where the endpoint is not as it was left, or git does not say."""
+    """The plan, with git's present answer; None where the endpoint is not as it was left, or git does not answer."""
     plan = from_json(memo["plan"])
     layout = Layout(project, plan.host)
     if observe(layout).reasons or running_beside(layout):
@@ -87,7 +87,7 @@ def _read(path: Path) -> dict[str, Any] | None:
     except OSError:
         return None  # no memo: the long way
     if seal.decode("ascii", "replace") != digest.of_bytes(text):
-        return None  # cut or edited: the long way tells what is wrong, if anything is
+        return None  # cut or edited: a complete plan reports what is wrong, if anything is
     try:
         return files.record(files.parse(text), FORMAT)
     except ValueError:

@@ -42,7 +42,7 @@ from octoform.state.model import Snapshot
 from octoform.state.store.lock import Holder, Liveness, liveness, myself, read_holder
 from octoform.state.store.store import StateStore
 
-# Which agents of a run no sandbox will hold, or one that lacks a wall: said before they run, and when the run ends.
+# Which agents of a run no sandbox will hold, or one that lacks a wall: reported before they run, and when the run ends.
 
 
 def without_sandbox(manifest: Manifest, plan: Plan, environ: Mapping[str, str]) -> Iterator[Diagnostic]:
@@ -81,7 +81,7 @@ def _agents(manifest: Manifest, node: str) -> Iterator[HarnessSpec]:
             yield settings.escalate.harness
 
 
-# What the privileged steps would do, as far as accepted artifacts tell: they move hardware, and a plan says which.
+# What the privileged steps would do, as far as accepted artifacts show: they move hardware, and a plan names it.
 
 _OF_CAMERAS = ("probe", "identify", "interface")
 
@@ -98,7 +98,7 @@ class KnownInputs:
 
 
 def outlooks(steps: Iterable[Step], known: KnownInputs, actions: Iterable[PlannedAction]) -> tuple[StepOutlook, ...]:
-    """One for each step, in order; ``actions`` tell which of the artifacts stay as they are."""
+    """One for each step, in order; ``actions`` show which of the artifacts stay as they are."""
     stay = frozenset(item.node for item in actions if item.action is Action.NOOP)
     return tuple(_outlook(step, known, stay) for step in steps)
 
@@ -149,9 +149,9 @@ def tool_changes(layout: Layout, artifacts: Mapping[str, Any]) -> tuple[Change, 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` lets other hosts' outputs stand in.
+    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` allows other hosts' outputs.
 
-    ``tier1``: as if no person had said anything of the hardware, without profiles and answers.
+    ``tier1``: as if no person had described the hardware, without profiles and answers.
     """
 
     project: Path
@@ -192,7 +192,7 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
 
 
 def _doubts(outlook: Outlook) -> list[Diagnostic]:
-    """What the policy says of tools that are not there, as far as the tools are known and stay as they are."""
+    """The policy's rules for tools that are not there, as far as the tools are known and stay as they are."""
     artifacts = outlook.situation.artifacts
     if "interface" not in artifacts or "probe" not in artifacts or any(item.calls_agent for item in outlook.plan.work):
         return []
@@ -361,7 +361,7 @@ def _changes(situation: Situation) -> tuple[Change, ...]:
 
 
 def _known(compiled: Compiled, situation: Situation) -> dict[str, Any]:
-    """What the plan tells of the devices themselves, by its fields."""
+    """The plan's facts of the devices themselves, by its fields."""
     answers, profiles, artifacts = compiled.manifest.answers, compiled.profiles, situation.artifacts
     return {
         "questions": device_knowledge.questions(artifacts, answers),

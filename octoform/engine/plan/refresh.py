@@ -105,7 +105,7 @@ def _prior(state: NodeState) -> Prior:
 
 
 def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str, str | None]) -> dict[str, Any]:
-    """The artifacts that can be read as values; one that cannot is told by its digest or its absence.
+    """The artifacts that can be read as values; one that cannot is represented by its digest or its absence.
 
     ``digests`` are those of the files as they lie there. What is not as it was accepted must have its stage's shape
     to be read at all: anyone who uses the values relies on it.

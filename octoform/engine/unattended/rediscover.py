@@ -35,10 +35,10 @@ from octoform.protocol.model import FRAME
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
-# What a run with nobody there may cost at most, against what the hour has left for agents. (Heavy.)
+# What an unattended run may cost at most, against what the hour has left for agents. (Heavy.)
 #
 # The daemon's caps hold for everything that it starts, and a run of several stages would be stopped in its middle. So
-# all of it is reckoned before it begins: every attempt that each agent has, SERVE's second round where a trial sends it
+# all of it is reckoned before it begins: every attempt that each agent has, SERVE's second round where a test sends it
 # back.
 
 
@@ -51,7 +51,7 @@ class Left:
 
     @classmethod
     def of(cls, brief: Mapping[str, Any], calls: int = 0, usd: float | None = 0.0) -> "Left":
-        """As the daemon tells it, less what was spent since; of an unknown price nothing is left."""
+        """As the daemon reports it, less what was spent since; of an unknown price nothing is left."""
         found, money = brief.get("calls"), brief.get("usd")
         rest = None if not isinstance(money, int | float) else 0.0 if usd is None else max(0.0, money - usd)
         return cls(max(0, found - calls) if isinstance(found, int) else None, rest)
@@ -252,10 +252,10 @@ def _words(found: "tuple[Diagnostic, ...] | list[Diagnostic]") -> str:
     return "no reason was given" if first is None else f"{first.code}: {first.summary}"
 
 
-# DEPLOY again with nobody there: the set of packages is decided anew, and nothing else is done. (Heavy.)
+# DEPLOY again, unattended: the set of packages is resolved again, and nothing else is done. (Heavy.)
 #
-# HEAL asks for it where the locked set itself is at fault. It is all or nothing: when the new set fails its trial,
-# everything is as it was, and the former endpoint serves. A plan that holds more than that (an edit that nobody has
+# HEAL asks for it where the locked set itself is at fault. It is all or nothing: when the new set fails its test,
+# everything is as it was, and the former endpoint serves. A plan that holds more than that (an edit that no one has
 # applied, hardware that changed, a step that would move something) is a person's.
 
 MADE = ("deploy", "endpoint")

@@ -34,12 +34,12 @@ from octoform.state.store.store import StateStore
 
 # Put back what was accepted and what is served, where it is damaged; an edit of a person stays. (Heavy: the state.)
 #
-# What is damage and what is an edit is said in `octoform.state.artifact_cache`. Three rules beside it:
+# What is damage and what is an edit is defined in `octoform.state.artifact_cache`. Three rules beside it:
 #
 # * Only what the state calls accepted is put back: what a run has left unfinished is for the next apply.
 # * An edited server does no harm while the endpoint runs, since the process has its code already; the endpoint refuses
 # to be started from it. So the edit stays as long as the endpoint runs or a person has stopped it. When the endpoint
-# is down and could not come back because of it, the edit is moved aside, is named, and what was accepted is served.
+# is down and could not come back because of it, the edit is moved away, is named, and what was accepted is served.
 # * The endpoint's own files are written by octoform alone; all of them are put back but clients' configurations that
 # somebody has edited, which decide nothing.
 #
@@ -182,7 +182,7 @@ def _start_again(layout: Layout, path: Path, done: Restored) -> None:
 
 
 def _free(layout: Layout, folder: Path, stamp: str, done: Restored) -> None:
-    """Move aside what is where a folder should be."""
+    """Move away what is where a folder should be."""
     if not os.path.lexists(folder) or (folder.is_dir() and not folder.is_symlink()):
         return
     aside, problem = move_aside(layout, folder, stamp, Damage.LINK)
@@ -294,7 +294,7 @@ def _built_again(layout: Layout, lock: str) -> tuple[Environment | None, tuple[D
     place = locate(layout, lock).path
     aside = place.with_name(f".{place.name}.damaged")
     if at(place) is None and aside.exists():
-        shutil.rmtree(place, ignore_errors=True)  # a rebuild that was killed: what it had set aside is the better one
+        shutil.rmtree(place, ignore_errors=True)  # a rebuild was killed: the moved folder is the better one
     else:
         shutil.rmtree(aside, ignore_errors=True)
         if place.exists():

@@ -52,7 +52,7 @@ def run_task(
 ) -> DutyOutcome:
     """Do the work under the lock of the host's state; what is in the way is an answer too.
 
-    ``operation`` is what the lock says meanwhile. The state file is written again, and committed where the manifest
+    ``operation`` is the lock's operation meanwhile. The state file is written again, and committed where the manifest
     states that, when another server is the accepted one afterwards.
     """
     with locked(project, environ, operation, LOCK_SECONDS) as held:

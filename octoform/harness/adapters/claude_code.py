@@ -1,6 +1,6 @@
 """Harness ``claude-code``: Claude Code (@anthropic-ai/claude-code), its streamed JSON.
 
-Asked for, it prints the pieces of each reply too. They tell that a long reply has not stalled, and only they hold what
+Asked for, it prints the pieces of each reply too. They show that a long reply has not stalled, and only they hold what
 a reply cost: the message itself is printed once for each of its parts, with the count of tokens that it began with. A
 request that failed for good is a ``result`` of subtype ``success`` with ``is_error``.
 """
@@ -120,7 +120,7 @@ def _settings(launch: Launch) -> dict[str, str]:
         "CLAUDE_CONFIG_DIR": str(launch.home / ".claude"),
         # A name to be found on PATH: in a path it would take words for arguments.
         "CLAUDE_CODE_SHELL_PREFIX": SHELL,
-        # Empty and not left out, so that no other key of the caller's is taken for it.
+        # Empty and not omitted, so that no other key of the caller's is taken for it.
         KEY: launch.key if native else "",
         BEARER: "" if native else launch.key,
         LOGIN: "",
@@ -168,7 +168,7 @@ class ClaudeCodeDialect:
         return ()
 
     def _streamed(self, event: object) -> Iterable[AgentEvent]:
-        """The frame of a reply: its start and its end each tell a part of the tokens, whichever the service knows."""
+        """The frame of a reply: its start and its end each report a part of the tokens, whichever the service knows."""
         match field(event, "type"):
             case "message_start":
                 self._counted.add(str(field(event, "message", "id")))

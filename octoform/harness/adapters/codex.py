@@ -1,8 +1,8 @@
 """Harness ``codex``: the Codex CLI (@openai/codex), its ``exec`` command with JSON events.
 
-Its events tell neither when the model has replied nor what a single reply cost, and nothing at all while a long one
+Its events report neither when the model has replied nor what a single reply cost, and nothing at all while a long one
 comes in. Its own trace on standard error does, so that is switched on for these lines alone; a version without them
-keeps the limits of time only. Requests that failed and will be tried again are read there too: what is told on the
+keeps the limits of time only. Requests that failed and will be tried again are read there too: what is printed on the
 other stream has no order with the replies.
 """
 
@@ -44,7 +44,7 @@ TRACED = "error,codex_otel.log_only[{event.kind}]=info,codex_otel.log_only[{erro
 OFF = (
     # What looks things up over the network.
     *("apps", "plugins", "remote_plugin"),
-    # It would wait for a network for ever instead of giving up.
+    # It would wait for a network without end instead of giving up.
     "unbounded_connection_retries",
     *("goals", "image_generation", "shell_snapshot", "tool_suggest"),
 )
@@ -171,7 +171,7 @@ class CodexDialect:
         return ()
 
     def _traced(self, line: bytes) -> Iterable[AgentEvent]:
-        """A reply's end is told twice, and the second time with its tokens, if the service has told them."""
+        """A reply's end is reported twice, the second time with its tokens, if the service reports them."""
         failed = FAILED.match(line)
         if failed is not None:
             self._tracing = True

@@ -2,7 +2,7 @@
 
 That stream shows what a reply cost only at the very end. The program can also record each reply, with its tokens, to a
 file; here that file is its own standard error, so that the limits of turns and money hold while it runs. Its exit
-status is an HTTP status modulo 256 and is not read. What it tries again is told on standard error alone.
+status is an HTTP status modulo 256 and is not read. It reports retries on standard error alone.
 """
 
 import json
@@ -166,7 +166,7 @@ class GeminiCliDialect:
             yield ModelProblem(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
 
     def _error(self, message: str) -> Iterable[AgentEvent]:
-        """It tells here why it stops; what a failed request was is told by the result."""
+        """It reports here why it stops; the result reports a failed request."""
         self._words = message
         if STOPPED.search(message):
             yield ModelProblem(ExitReason.TURN_LIMIT, message, final=True)

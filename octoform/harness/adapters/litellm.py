@@ -66,7 +66,7 @@ class LiteLLMHarness:
         config.write(file)
         invocation = Invocation(
             # Isolated: neither the working directory, which the agent writes to, nor the user's site is on its path.
-            # Its libraries warn of each other's futures, which is nobody's concern here.
+            # Its libraries warn of each other's futures, which does not matter here.
             argv=(sys.executable, "-I", "-W", "ignore", "-m", MODULE, str(file)),
             named=tuple(name for name in self._named(config.route) if name not in config.hidden),
             piped=tuple(name for name in self._named(config.route) if name in config.hidden),
@@ -90,7 +90,7 @@ class LiteLLMHarness:
             prompt=str(task.prompt),
             output=str(task.output),
             workdir=str(task.workdir),
-            # A reply that stalls is the orchestrator's to end, who says why; this is for when it has no such limit.
+            # A reply that stalls is the orchestrator's to end, with a reason; this is for when it has no such limit.
             request_seconds=silence * 1.5,
             shell_seconds=min(SHELL_SECONDS, longest),
             most_shell_seconds=longest,

@@ -1,7 +1,7 @@
 """Harness ``opencode``: the opencode coding agent (opencode-ai), its JSON output and what a plugin of ours adds to it.
 
 Its own output has a part only when it is whole, and nothing at all of a request that failed and is tried again, which
-it does permanently. The plugin, which lies in the private home folder, tells of these on standard error.
+it does permanently. The plugin, which lies in the private home folder, reports these on standard error.
 """
 
 import json
@@ -52,7 +52,7 @@ OFF = (
 )
 WEB = ("webfetch", "websearch")
 OTHERS = ("task", "skill")
-"""Tools that it never has: what an agent of its own would use and do is told of nowhere, and there are no skills."""
+"""Tools that it never has: the actions of a subagent are not reported, and there are no skills."""
 INVALID = "invalid"
 """Its tool for a call of no tool, or with arguments that cannot be read."""
 WITHHELD, COMMAND_MS = "OPENCODE_WATCH_WITHHELD", "OPENCODE_WATCH_COMMAND_MS"
@@ -158,7 +158,7 @@ class OpenCodeDialect:
             yield _error(field(value, "error"))
 
     def _watched(self, value: Mapping[str, Any]) -> Iterable[AgentEvent]:
-        """What the plugin told."""
+        """The events that the plugin reported."""
         kind = value.get("octoform")
         if kind == "piece":
             yield Replying()
@@ -171,7 +171,7 @@ class OpenCodeDialect:
             yield ModelProblem(ExitReason.UNREACHABLE, found.text) if passing else found
 
     def _call(self, call: object, tool: object, given: object) -> Iterable[AgentEvent]:
-        """One call, which both the plugin and the program itself tell of."""
+        """One call, which both the plugin and the program itself report."""
         if call not in self._called:
             self._called.add(call)
             yield ToolCalled(one_line(tool or "?"), _argument(given))

@@ -37,7 +37,7 @@ RETRIES = 4
 """With its pauses of 2, 4, 8 and 16 seconds as long as the usual patience of a task."""
 PROVIDER = "octoform"
 PIECES = (b'{"type":"message_update"', b'{"type":"tool_execution_update"')
-"""Most of the stream: each piece of a reply or of what a tool prints, of which the end tells all that is needed."""
+"""Most of the stream: each piece of a reply or of what a tool prints, of which the end has all that is needed."""
 NO_KEY = b"No API key"
 NAMES = {CHAT: CHAT, RESPONSES: RESPONSES, ANTHROPIC: ANTHROPIC, GEMINI: "google-generative-ai"}
 

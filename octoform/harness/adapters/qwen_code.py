@@ -1,7 +1,7 @@
 """Harness ``qwen-code``: Qwen Code (@qwen-code/qwen-code), its streamed JSON with the pieces of each reply.
 
-It tries again for minutes without a word of it in the stream. Its debug log tells at once, and that log is a file whose
-place is known as soon as the session's id is: here that file is its own standard error. It is started in its bare
+It tries again for minutes without a word of it in the stream. Its debug log reports at once, and that log is a file
+whose place is known as soon as the session's id is: here that file is its own standard error. It is started in its bare
 mode, in which it reads no instructions of its surroundings and asks its model nothing beside the conversation. Its
 guard against loops cannot be switched off: the same call five times over is the end of a run.
 """
@@ -140,7 +140,7 @@ class QwenCodeDialect:
             text = field(part, "text")
             if field(part, "type") == "text" and isinstance(text, str):
                 if text.startswith(API_ERROR) and not usage.input_tokens:
-                    return  # its own words in place of a reply; the result says it again
+                    return  # its own words in place of a reply; the result repeats it
                 yield Output(one_line(text))
             elif field(part, "type") == "tool_use":
                 yield ToolCalled(one_line(field(part, "name") or "?"), _argument(field(part, "input")))

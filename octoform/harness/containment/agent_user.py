@@ -71,7 +71,7 @@ def _device_groups() -> set[int]:
 
 
 def _is_guarded(device: int) -> bool:
-    """Memory and terminals: whoever is in the group of terminals may write on everybody's."""
+    """Memory and terminals: a member of the group of terminals may write on everybody's."""
     major = os.major(device)
     return major in (MEMORY_MAJOR, TERMINAL_MAJOR) or (major == CONSOLE_MAJOR and os.minor(device) < CONSOLES)
 

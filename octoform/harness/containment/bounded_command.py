@@ -91,7 +91,7 @@ def main(seconds: float, argv: list[str]) -> int:
     command = Command(seconds, argv)
     for number in STOP_SIGNALS:
         signal.signal(number, command.end)
-    with suppress(BrokenPipeError):  # nobody reads any more: it has to end all the same
+    with suppress(BrokenPipeError):  # no reader is left: it has to end all the same
         follow(command)
     while not command.tick():
         time.sleep(STEP_SECONDS)
@@ -103,7 +103,7 @@ def main(seconds: float, argv: list[str]) -> int:
 if __name__ == "__main__":
     status = main(float(sys.argv[1]), sys.argv[2:])
     if status < 0:
-        with suppress(OSError):  # of two signals nobody may say what they do
+        with suppress(OSError):  # the disposition of two signals cannot be changed
             signal.signal(-status, signal.SIG_DFL)
         os.kill(os.getpid(), -status)
     os._exit(abs(status))

@@ -244,7 +244,7 @@ class _Session:
     def _is_halted(self) -> bool:
         """Whether somebody has stopped the supervisor, and with it the limits; it is ended, and so is all below it.
 
-        Whoever would let it go on could be stopped by the same agent again and again.
+        A supervisor that let it go on could be stopped by the same agent again and again.
         """
         found = orphans.look(self._process.pid)
         if found is None or found.state not in "Tt":
@@ -254,7 +254,7 @@ class _Session:
         return True
 
     def _order_end(self) -> None:
-        """Tell the supervisor, once, that the tree has to go."""
+        """Report to the supervisor, once, that the tree has to go."""
         if not self._ordered:
             self._ordered = True
             with suppress(BrokenPipeError):
@@ -283,7 +283,7 @@ class _Session:
 
 @contextmanager
 def _adopting() -> Iterator[orphans.Adopted | None]:
-    """While it lasts, whoever loses its parent below this process becomes its child; None where there is no such way.
+    """While it lasts, a descendant that loses its parent becomes a child of this process; None where the system cannot.
 
     So what an agent has hidden cannot get away from here by killing its supervisor.
     """

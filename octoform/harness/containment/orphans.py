@@ -23,7 +23,7 @@ from octoform.harness.containment.agent_environment import ATTEMPT, remove_priva
 from octoform.harness.containment.reaper import children
 from octoform.records import dataclass
 
-# What /proc says of a process.
+# The facts in /proc of a process.
 #
 # A process id alone names nothing: ids are recycled. A process is known by its id together with the tick at which the
 # kernel started it. On systems without /proc nothing can be proved, so every question has the answer None and nothing
@@ -49,7 +49,7 @@ def look(pid: int) -> Process | None:
 def own() -> Iterator[Process]:
     """Every running process that this user may signal, this one and its parent omitted.
 
-    Root may signal all. What a file mode in /proc says is not asked: a process that lets no one look into it seems to
+    Root may signal all. A file mode in /proc is not used: a process that lets no one look into it seems to
     be root's (PR_SET_DUMPABLE in prctl(2)).
     """
     spared = {os.getpid(), os.getppid()}
@@ -194,7 +194,7 @@ def _hunt(adopted: Adopted, since: int) -> list[int]:
 def end_marked(records: tuple[Record, ...], adopted: Adopted | None = None) -> Swept:
     """SIGKILL to every process that provably belongs to one of the records, until none is found.
 
-    ``adopted`` states how to tell those of a supervisor that was killed, whatever they have done with their marks.
+    ``adopted`` identifies those of a supervisor that was killed, whatever they have done with their marks.
     """
     since = min((record.start for record in records if record.start), default=None)
     ended = _hunt(adopted, since) if adopted is not None and since is not None else []

@@ -196,7 +196,7 @@ def _parent_of_living(pid: str) -> int | None:
         return None
     finally:
         os.close(handle)
-    # The command name stands in parentheses and may hold anything, parentheses and blanks too.
+    # The command name is in parentheses and may hold anything, parentheses and blanks too.
     fields = text[text.rfind(b")") + 2 :].split()
     # A zombie with threads is a process whose first thread has ended: the others still run.
     if fields[0] in (b"Z", b"X") and int(fields[17]) <= 1:
@@ -292,7 +292,7 @@ def _report(descriptor: int, **fields: object) -> None:
     try:
         os.write(descriptor, line.encode("ascii"))
     except BrokenPipeError:
-        return  # octoform is gone: nobody is left to read it
+        return  # octoform is gone: no reader is left
 
 
 def main(arguments: list[str]) -> int:

@@ -4,7 +4,7 @@ What it sees is decided in one order: the whole file system read-only; then the 
 programs keep what is theirs (homes, temporary folders, sessions); then, read-only, what the agent's program itself
 needs of those; the project without its private parts; last the attempt's folder, to write in. Devices stay as the
 user may use them, since hardware is what the agent is asked about. Disks as a whole do not, nor the sockets of
-services that write wherever they are told to: each of them would be a way around.
+services that write wherever a client asks: each of them would be a way around.
 
 Where octoform runs as root the agent is another user (`agent_user`), because what root may do a file mode lets it do.
 """
@@ -29,7 +29,7 @@ from octoform.harness.containment.agent_user import AgentUser, agent_user, hand_
 from octoform.manifest.model import Sandbox
 from octoform.records import dataclass
 
-# What of the hidden places a program needs to run: itself, its interpreter, their libraries, what it is told to read.
+# What of the hidden places a program needs to run: itself, its interpreter, their libraries, what it has to read.
 #
 # Programs are installed below homes all the time: in octoform's own cache, by version managers, in virtual
 # environments. A folder of programs is shown with the libraries beside it and nothing else of the home that it lies in.
@@ -126,7 +126,7 @@ SHALLOW = frozenset({"run", "var", "opt", "srv", "mnt", "media", "tmp"})
 TASK_BYTES = 8 << 20
 ENTRY = Path(__file__).resolve().with_name("sandbox_entry.py")
 LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21}
-"""What the first program inside is lent by root, each by its bit (linux/capability.h)."""
+"""The capabilities that root gives the first program inside, each by its bit (linux/capability.h)."""
 CLOSED = "its user cannot read "
 UNREADABLE = f"""for path; do [ -r "$path" ] || {{ echo "{CLOSED}$path" >&2; exit 1; }}; done"""
 OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
@@ -146,8 +146,8 @@ class Confinement:
 def wrap(argv: Sequence[str], sandbox: Sandbox, around: Confinement) -> tuple[str, ...] | Diagnostic:
     """The command that runs ``argv`` (its program an absolute path) confined; what is wrong where that cannot be.
 
-    Tried out first with a program that does nothing, so that a refusal is told before the agent's time runs. As root
-    the attempt's folder belongs to the agent's user from then on; `released` gives it back.
+    Tried out first with a program that does nothing, so that a refusal is reported before the agent's time runs. As
+    root the attempt's folder belongs to the agent's user from then on; `released` gives it back.
     """
     program = shutil.which(PROGRAM, path=around.caller.get("PATH"))
     if program is None:
@@ -205,7 +205,7 @@ def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | 
             [*prefix, *nothing], stdin=subprocess.DEVNULL, capture_output=True, timeout=TRIAL_SECONDS, check=False
         )
     except BlockingIOError:
-        raise  # a shortage of processes says nothing about sandboxes
+        raise  # a shortage of processes is no evidence about sandboxes
     except (OSError, subprocess.TimeoutExpired) as problem:
         return _none(f"{PROGRAM}: {problem}")
     if done.returncode == 0:
@@ -265,7 +265,7 @@ def _capabilities(program: str, user: AgentUser | None) -> Iterator[str]:
 
 
 def _held() -> int:
-    """The capabilities of this process as a set of bits (proc(5)); all where that is not told."""
+    """The capabilities of this process as a set of bits (proc(5)); all where that is unknown."""
     try:
         lines = Path("/proc/self/status").read_text("ascii").splitlines()
     except OSError:
@@ -305,7 +305,7 @@ def _of_the_kernel() -> Iterator[str]:
 
 
 def _disks() -> Iterator[Path]:
-    """The devices that are whole disks, as far as the user may write them: whoever may do that may write any file."""
+    """The devices that are whole disks, as far as the user may write them, and with them any file."""
     for entry in os.scandir("/dev"):
         try:
             mode = entry.stat(follow_symlinks=False).st_mode
@@ -473,7 +473,7 @@ def kernel() -> Kernel:
     if sys.platform != "linux":
         return Kernel(False, 0)
     libc = ctypes.CDLL(None, use_errno=True)
-    # No filter lies at this address: a kernel that could take one says so (EFAULT), one without knows no such mode.
+    # No filter lies at this address: a kernel that could take one answers EFAULT, one without knows no such mode.
     libc.prctl(_PR_SET_SECCOMP, _SECCOMP_MODE_FILTER, None, 0, 0)
     filters = ctypes.get_errno() in (errno.EFAULT, errno.EACCES)
     version = libc.syscall(_LANDLOCK_CREATE, None, ctypes.c_size_t(0), ctypes.c_uint32(_LANDLOCK_VERSION))

@@ -76,7 +76,7 @@ def main(arguments: list[str]) -> None:
     """Give up, become and run; OSError where the user cannot be had or the program not be started."""
     libc = ctypes.CDLL(None)
     own_terminals(libc)
-    # What an ordinary user was lent for that goes with the next program, unless it is passed on.
+    # An ordinary user's capability for that goes with the next program, unless it is passed on.
     libc.prctl(_PR_CAP_AMBIENT, _CLEAR_ALL, 0, 0, 0)
     if arguments[1] != "-":
         become(int(arguments[1]), [int(group) for group in arguments[2].split(",")])

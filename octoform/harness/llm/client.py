@@ -42,7 +42,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What the model said; ``message`` is the same for the conversation, ``usage`` counts tokens where they are known.
+    """The model's reply; ``message`` is the same for the conversation, ``usage`` counts tokens where they are known.
 
     ``end`` is why it ended in litellm's words (``stop``, ``tool_calls``, ``length``, ``content_filter``).
     """
@@ -202,7 +202,7 @@ def _function(call: Mapping[str, Any], name: str) -> str:
 
 
 def _usage(chunks: Sequence[Any]) -> dict[str, int]:
-    """Tokens of the last piece that tells them; all input is in ``input``, the part from a cache also apart."""
+    """Tokens of the last piece that reports them; all input is in ``input``, the part from a cache also apart."""
     for chunk in reversed(chunks):
         found = getattr(chunk, "usage", None)
         if found is None:

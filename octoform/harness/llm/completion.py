@@ -161,10 +161,10 @@ class _Kept:
         """See `Observer.finish`."""
 
 
-# What a retry is told of a failed attempt's log: all of a short one, the sense of a long one.
+# The excerpt of a failed attempt's log that a retry gets: all of a short one, the sense of a long one.
 #
 # The log itself stays as it is: it is the evidence, and only a part of it or a summary goes into a prompt. A summary is
-# help and never needed: whenever the model does not give one, the end of the log stands in its place.
+# help and never needed: whenever the model does not give one, the end of the log replaces it.
 
 INSTRUCTION = Path(__file__).with_name("log_summary.md")
 BEGINNING = "WHAT FAILED"

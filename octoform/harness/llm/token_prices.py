@@ -81,7 +81,7 @@ def _price(entry: Mapping[str, Any]) -> Price | None:
     into, out = entry.get("input_cost_per_token"), entry.get("output_cost_per_token")
     cached = entry.get("cache_read_input_token_cost", into)
     if not all(isinstance(value, int | float) and value >= 0 for value in (into, out, cached)) or not (into or out):
-        return None  # a zero in that table means that nobody entered a price
+        return None  # a zero in that table means that no price was entered
     return Price(float(into or 0) * MILLION, float(cached or 0) * MILLION, float(out or 0) * MILLION, "litellm")
 
 

@@ -28,7 +28,7 @@ from octoform.redaction import redacted
 
 # The tool ``shell``: one command in a process group of its own, bounded in time and output.
 #
-# What it leaves in the background may go on, a server on trial for example; the end of the run ends it.
+# What it leaves in the background may go on, a server under test for example; the end of the run ends it.
 
 OUTPUT_BYTES = 24 << 10
 PIECE_BYTES = 64 << 10
@@ -72,7 +72,7 @@ class Shell:
         kept = HeadAndTail(OUTPUT_BYTES)
         with process:
             ended = _follow(process, kept, limit)
-            # The pipe may stay open in what runs on in the background; nobody reads it any more.
+            # The pipe may stay open in what runs on in the background; no one reads it any more.
         return _shell_result(kept.text(), process.returncode, None if ended else limit)
 
 
@@ -263,7 +263,7 @@ def _parent(workdir: Path, path: str, *, make: bool) -> Iterator[tuple[int, str]
     try:
         for step in above:
             if make:
-                # Whether what is already there is a folder, the opening says.
+                # The open below fails if what is already there is no folder.
                 with suppress(FileExistsError):
                     os.mkdir(step, 0o755, dir_fd=opened[-1])
             opened.append(os.open(step, FOLDER, dir_fd=opened[-1]))

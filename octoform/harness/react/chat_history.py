@@ -11,7 +11,7 @@ from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.harness.llm.client import Reply, size_of
 
-# Text of bounded size: the beginning and the end of what a tool said, the middle left out.
+# Text of bounded size: the beginning and the end of a tool's output, the middle omitted.
 
 KEPT = "\n\t\r"
 
@@ -72,7 +72,7 @@ RECENT = 4
 TEXT_BYTES = 24 << 10
 ARGUMENT_BYTES = 64 << 10
 RESULT_BYTES = 48 << 10
-"""Bounds of one step: what the model said, the arguments of its calls, and the results of them."""
+"""Bounds of one step: the model's text, the arguments of its calls, and the results of them."""
 SHORTEST_REPLACED = 200
 NOTE_BYTES = 200
 """For the note on steps that are omitted."""
@@ -104,7 +104,7 @@ class Conversation:
         return [*self._opening, *dropped, *(message for step in self._steps for message in step)]
 
     def replied(self, reply: Reply) -> None:
-        """The model has said something; arguments that are no JSON object are not repeated to it."""
+        """Add the model's message; arguments that are no JSON object are not repeated to it."""
         message: dict[str, Any] = {"role": "assistant", **reply.message}
         message["content"] = cut(reply.text, TEXT_BYTES) or (None if reply.calls else "(nothing)")
         if reply.calls:

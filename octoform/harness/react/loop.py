@@ -16,11 +16,11 @@ from octoform.harness.react.agent_tools import Ready, Toolbox, ToolResult, check
 from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config
 
-# What the agent says of itself: one JSON object a line, bounded, at once.
+# The agent's events: one JSON object a line, bounded, at once.
 #
 # ``type`` is reply (text, usage {input, cached, output}), call (tool, text), result (failed, text), alive (pieces),
-# trouble (text, status, final) or closed (ok, text). The lines are the log of the attempt too, so a result carries the
-# end of what the tool said.
+# `trouble` (text, status, final) or closed (ok, text). The lines are the log of the attempt too, so a result carries
+# the end of the tool's output.
 
 SHOWN = 2000
 
@@ -56,7 +56,7 @@ class Reporter:
         self._tell("closed", ok=ok, text=text[:SHOWN])
 
     def _tell(self, kind: str, **fields: Any) -> None:
-        # Plain ASCII: whatever a model or a tool says, a line stays a line.
+        # Plain ASCII: whatever a model or a tool prints, a line stays a line.
         self._stream.write(json.dumps({"type": kind, **fields}) + "\n")
         self._stream.flush()
 
@@ -118,7 +118,7 @@ class Loop:
                 return answer
 
     def _is_over(self, reply: Reply) -> bool:
-        """Whether a reply that calls no tool is the end; else the model has been told to go on."""
+        """Whether a reply that calls no tool is the end; else the model has been asked to go on."""
         if self.done():
             return True
         if not reply.text.strip():

@@ -1,6 +1,6 @@
 """The manifest as it is written: the pydantic models that are checked against and that the JSON Schema is made of.
 
-One source for both, so an editor and octoform agree. Only settings that do something stand here. (Heavy: pydantic.)
+One source for both, so an editor and octoform agree. Only settings with an effect are here. (Heavy: pydantic.)
 """
 
 import ast
@@ -238,7 +238,7 @@ DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 class _Generator(GenerateJsonSchema):
     def nullable_schema(self, schema: core_schema.NullableSchema) -> JsonSchemaValue:
-        """A key is given or left out; an empty one is refused, so null is no value of any setting."""
+        """A key is given or omitted; an empty one is refused, so null is no value of any setting."""
         return self.generate_inner(schema["schema"])
 
     def default_schema(self, schema: core_schema.WithDefaultSchema) -> JsonSchemaValue:

@@ -73,7 +73,7 @@ def _base_url(value: str) -> str:
 
 
 def distinct(values: list[str]) -> list[str]:
-    """The list, if nothing stands twice in it."""
+    """The list, if it has no duplicates."""
     for index, value in enumerate(values):
         if value in values[:index]:
             raise problem("this occurs twice in the list", "keep one of the two", index)

@@ -26,9 +26,9 @@ from octoform.manifest.schema.fields import (
 
 GLOB_PATTERN = r"^[A-Za-z0-9_.*?-]{1,128}$"
 BOUNDS = ("minimum", "maximum", "step", "cumulative")
-"""What a limit says of the value of a parameter."""
+"""The fields of a limit for the value of a parameter."""
 PACES = ("rate", "cooldown", "quiet_hours")
-"""What a limit says of calls, whatever their arguments."""
+"""The fields of a limit for calls, whatever their arguments."""
 
 
 def _glob(value: str) -> str:

@@ -32,14 +32,14 @@ from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict,
 
 
 class OwnFile:
-    """An open file of ours; ``number`` is its descriptor, to be used only after `held` said so."""
+    """An open file of ours; ``number`` is its descriptor, to be used only after `held` returned true."""
 
     __slots__ = ("_identity", "number")
 
     def __init__(self, path: Path, how: int) -> None:
         """Open ``path``, made if it is not there, private; OSError when that cannot be.
 
-        What is in its place and is no file (a link, a pipe, a folder) is set aside: a log or a seal that went away
+        What is in its place and is no file (a link, a pipe, a folder) is renamed: a log or a seal that went away
         shows in the chain, and without a log nothing that moves could be called any more.
         """
         make_way(path)
@@ -75,7 +75,7 @@ _RESERVED = frozenset({"seq", "time", "event", "prev", "hash"})
 
 
 class AuditFailed(OSError):
-    """A record could not be written. What it was to tell must not happen unseen: the caller decides."""
+    """A record could not be written. The event must not happen unrecorded: the caller decides."""
 
 
 class Audit:
@@ -158,7 +158,7 @@ class Audit:
         with self._lock:
             for file in (self._log, *self._seals.values()):
                 if file is not None and file.held():
-                    with suppress(OSError):  # what was written is with the kernel already; there is nobody to tell
+                    with suppress(OSError):  # the kernel has the data; no caller is left for an error
                         os.fsync(file.number)
                     file.close()
             self._log, self._open = None, False
@@ -270,11 +270,11 @@ class Audit:
             self._append([("audit_torn", fields)], before=b"\n")
 
     def _rotate(self) -> None:
-        """Set the full file aside under the number of its first record; the chain goes on in a new one."""
+        """Rename the full file to the number of its first record; the chain goes on in a new one."""
         first = RECORD.match(os.pread(self._file, 2 * LINE_BYTES, 0))
         aside = self._folder / f"audit-{int(first['seq']) if first else self._seq:015d}.jsonl"
         self._append([("audit_rotated", {"file": aside.name})])
-        self._stamp()  # before the new file can be seen: whoever opens only that one goes on from the seal
+        self._stamp()  # before the new file can be seen: a process that opens only that one goes on from the seal
         os.fsync(self._file)
         move(self._path, aside)
         self._reopen()

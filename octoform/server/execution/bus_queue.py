@@ -1,7 +1,7 @@
 """One call at a time on a bus, in the order in which they came, no matter who sent them.
 
 A bus is a device's wire: two calls on it at once would mix their bytes. A call that never returned keeps its bus, since
-no one can know what its thread still does there; whoever comes after it hears so at once and does not wait in vain.
+no one can know what its thread still does there; a later call is refused at once and does not wait in vain.
 The same queue bounds how many calls of one tool, and how many at all, may run: a tool that hangs cannot take the
 threads of the others.
 

@@ -1,6 +1,6 @@
 """Generated code that blocks the event loop stops everybody: no deadline comes, no other client is answered.
 
-A thread asks the loop for a turn again and again. When none comes, the main thread's stack says whose fault it is, and
+A thread asks the loop for a turn again and again. When none comes, the main thread's stack shows whose fault it is, and
 a signal is sent whose handler raises there; a signal also ends a system call that waits, which an exception alone
 cannot. It raises only where generated code runs, or what that called: never while this package's own code does, which
 then ends what it began, and never in another call than the one that was found.
@@ -28,9 +28,9 @@ from anyio._core._eventloop import claim_worker_thread, set_current_async_librar
 
 from octoform.base import files
 
-# Threads for the tools that block, which can be told to stop.
+# Threads for the tools that block, which can be stopped.
 #
-# The threads of a common pool belong to whoever uses it, so nobody may raise an exception in one. These run one call at
+# The threads of a common pool belong to all its users, so no one may raise an exception in one. These run one call at
 # a time and know which, and only while the tool's own code runs is anything raised in it. A thread that was interrupted
 # ends with its call: an exception that comes late can never hit the next one.
 

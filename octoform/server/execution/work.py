@@ -224,7 +224,7 @@ class Work:
         future = self._future
         if future is None or future.done():
             return
-        if self.cause or isinstance(problem, Interrupted):  # what it says after it was told to stop came too late
+        if self.cause or isinstance(problem, Interrupted):  # its result after the order to stop came too late
             future.set_exception(self._stopped(ended=True))
         elif problem is not None:
             future.set_exception(client_error(self, problem))

@@ -206,16 +206,16 @@ def _decision(call: Call, decision: str, more: dict[str, Any]) -> dict[str, Any]
     }
 
 
-# Where the device says its units are after a call, held against their ranges.
+# The positions that the device reports of its units after a call, held against their ranges.
 #
-# A limit looks at what a caller says, and code between the caller and the device can make more of it. So what the
-# result of a movement reports is compared too. A result that says nothing of a unit proves nothing: it is neither held
+# A limit checks the caller's arguments, and code between the caller and the device can make more of it. So what the
+# result of a movement reports is compared too. A result without a unit proves nothing about it: it is neither held
 # nor outside.
 
 
 @dataclass(frozen=True, slots=True)
 class Seen:
-    """What a result says of the units that a call moved: ``outside`` in words by unit, ``unknown`` are the others."""
+    """The result's positions of the units that a call moved: ``outside`` by unit, ``unknown`` the others."""
 
     outside: Mapping[str, str]
     unknown: tuple[str, ...] = ()

@@ -1,9 +1,9 @@
-"""A person says yes before a tool runs whose policy is to confirm, in both eras of the protocol.
+"""A person approves before a tool runs whose policy is to confirm, in both eras of the protocol.
 
 The handshake era has a way back to the client, on which the question goes while the call waits. From 2026-07-28 on the
-question *is* the answer, and the client sends the call again with what the person said. An approval lives in this
+question *is* the answer, and the client sends the call again with the person's answer. An approval lives in this
 process alone: it holds once, for ten minutes and until an emergency stop comes, for exactly this tool, these arguments
-and this caller, so whoever sends an old answer again is refused.
+and this caller, so an old answer that is sent again is refused.
 
 Question and answer bear the same number, by which the audit log has them together: in the newer era they are two calls,
 and an answer may never come. That number opens nothing.
@@ -98,7 +98,7 @@ class Reply:
 
 
 Heard = Callable[[Reply], None]
-"""Is told asked when the question goes out, and unanswered when nothing came back to it."""
+"""Called with asked when the question goes out, and with unanswered when no answer came."""
 
 
 UNABLE = Reply(

@@ -44,7 +44,7 @@ from .tool_registry import Entries, Entry, innermost, pin, straight
 
 # A sign of life every second while a tool works that sends none itself.
 #
-# Many clients give up on a call that says nothing. Only a call that came with a progress token hears anything, and only
+# Many clients give up on a call without a message. Only a call that came with a progress token hears anything, and only
 # when its tool cannot report by itself; the last sign is sent before the answer.
 
 EVERY = 1.0
@@ -70,7 +70,7 @@ class Beat:
             elapsed = round(time.monotonic() - self._begun, 3)
             try:
                 await self._context.report_progress(elapsed, None, self._words())
-            except (anyio.ClosedResourceError, anyio.BrokenResourceError):  # nobody listens any more
+            except (anyio.ClosedResourceError, anyio.BrokenResourceError):  # no client listens any more
                 return
 
 
@@ -104,7 +104,7 @@ class Gate(Middleware):
         self.on_result: Callable[[str, ToolResult], None] | None = None
 
     async def arm(self, server: Any) -> None:
-        """Put every tool of the server under guard, mask what its code says by accident, and watch this loop."""
+        """Put every tool of the server under guard, mask what its code reveals by accident, and watch this loop."""
         server._mask_error_details = True
         await self._entries.fill(server)
         pin(server, self._entries)
@@ -194,7 +194,7 @@ class Gate(Middleware):
         return call
 
     def _judge(self, call: Call) -> None:
-        """Everything that can be told without waiting for anybody; CallRefused states what stands against the call."""
+        """Everything that can be checked without waiting; CallRefused states what stands against the call."""
         entry = call.entry
         self._look_again(call)
         if entry.policy.decision == "deny":
@@ -301,7 +301,7 @@ class Gate(Middleware):
                 beat.stop()
 
     async def _wait(self, call: Call, holder: Holder) -> None:
-        """Stand in line for the buses, as long as the call may run afterwards."""
+        """Queue for the buses, as long as the call may run afterwards."""
         entry = call.entry
         try:
             await take(entry.queues, holder, call.began + entry.policy.timeout)

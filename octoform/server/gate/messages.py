@@ -93,7 +93,7 @@ def dry_run(call: Call) -> ToolResult:
 
 # What is wrong with the arguments of a call, in sentences that a model can correct itself by.
 #
-# The validation says it for programmers, with types of its own and an address to read. What helps is the argument's
+# The validation words it for programmers, with types of its own and an address to read. What helps is the argument's
 # name as the schema has it, what is wrong, and what the schema allows. Texts that came are not repeated: they may be
 # secret, and the sentence goes to the audit log.
 

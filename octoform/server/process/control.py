@@ -142,7 +142,7 @@ class Control:
             self._answering += 1
         try:
             return handler(question)
-        except Exception as problem:  # noqa: BLE001 - whoever asks is told, and the door stays open
+        except Exception as problem:  # noqa: BLE001 - the client gets the error, and the socket stays open
             write_line(f"{op} failed: {problem!r}")
             return {"error": f"{type(problem).__name__}: {problem}"}
         finally:
@@ -151,7 +151,7 @@ class Control:
 
 
 def _shut(connection: socket.socket) -> None:
-    """Let whoever waits on it see its end; its thread closes it."""
+    """Let its waiting client see its end; its thread closes it."""
     try:
         connection.shutdown(socket.SHUT_RDWR)
     except OSError:  # the other side was quicker

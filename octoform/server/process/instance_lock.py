@@ -22,7 +22,7 @@ from .stderr_log import write_line
 
 RECORD = "process.json"
 MARK = "OCTOFORM_ENDPOINT"
-"""The variable by which what tools leave behind is known; whoever starts this process sets it."""
+"""The variable that marks the processes that tools leave behind; the starter of this process sets it."""
 _LOCK = "owner.lock"
 
 
@@ -33,7 +33,7 @@ class Owner:
         self._folder = folder
         self._lock = descriptor
         self.instance = secrets.token_hex(8)
-        """Tells this start of the endpoint from any other."""
+        """Identifies this start of the endpoint."""
         self._document = b""
 
     @staticmethod
@@ -64,7 +64,7 @@ class Owner:
         files.replace(self._folder / RECORD, self._document)
 
     def is_recorded(self) -> bool:
-        """False once the record is gone or tells of another start; one that was damaged is written again.
+        """False once the record is gone or names another start; one that was damaged is written again.
 
         No one finds a process whose record cannot be read, and none other can be started beside it.
         """

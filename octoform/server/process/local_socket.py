@@ -73,7 +73,7 @@ class _Named:
             os.close(self._folder)
 
 
-# Which program calls: what the kernel says of its process, and what it says of itself.
+# Which program calls: the kernel's facts of its process, and its own.
 #
 # Every process of this machine's user is the caller ``local``; a person who reads the log or a question wants to know
 # which of them it was. The kernel's word (user and process) is a fact; the name and version are the client's own claim,

@@ -1,6 +1,6 @@
 """Who is calling: the one question that decides what a call may do.
 
-Whoever reaches the Unix socket is this machine's own user and may do everything that the policy allows. Anyone who
+A client of the Unix socket is this machine's own user and may do everything that the policy allows. Anyone who
 comes over HTTP is the token of *this* request: a session keeps the context of the request that opened it, so that
 context is asked last. A request over HTTP without a token never counts as local.
 """

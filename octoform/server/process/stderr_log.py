@@ -36,7 +36,7 @@ class StderrHandler(logging.Handler):
         write_line(self.format(record))
 
 
-# Log lines that strangers can cause are few, so that nobody fills a disk by knocking. Standard library only.
+# Log lines that strangers can cause are few, so that no stranger fills the disk with requests. Standard library only.
 
 MOST_LINES = 60
 WINDOW_SECONDS = 60.0

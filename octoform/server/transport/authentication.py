@@ -29,7 +29,7 @@ from octoform.server.process.stderr_log import Throttle, write_line
 # Who may come in over the network: the tokens of this host, by the digest of their values. Standard library only.
 #
 # octoform writes the file, this process only reads it: whenever it moved, before a request is answered. A file that
-# cannot be understood lets nobody in, because the last good reading may hold a token that was revoked since.
+# cannot be understood admits no one, because the last good reading may hold a token that was revoked since.
 
 
 class Tokens:

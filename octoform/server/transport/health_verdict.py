@@ -1,7 +1,8 @@
 """How the deployment is, for anyone who asks the HTTP door: the daemon's word, and what this process sees by itself.
 
 What the daemon wrote is believed while the daemon lives, the record is fresh, and nothing plain contradicts it. Without
-a daemon no one has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is said all the same.
+a daemon no one has looked at logs, files and sensors, so nothing is healthy; what is plainly bad is reported all the
+same.
 """
 
 import time

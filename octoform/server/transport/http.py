@@ -1,7 +1,7 @@
 """The door of scopes intranet and internet: MCP over streamable HTTP, for anyone who brings a token.
 
 The order at the door: is this host meant (Host, Origin), who is it (bearer token), is the body bearable, and only then
-the server behind. `/health` alone needs no token, and tells one word and no names: 200 for `healthy`, else 503.
+the server behind. `/health` alone needs no token, and returns one word and no names: 200 for `healthy`, else 503.
 Everything else that the generated server may have put on its own web application is omitted. There is no TLS here: in
 scope internet the tunnel brings it, and in scope intranet the token crosses the network in the clear.
 """
@@ -199,7 +199,7 @@ STOP_SECONDS = 2
 """What streams have for their end when the endpoint stops."""
 LOGGER = logging.getLogger("octoform.web")
 LOGGER.addFilter(Throttle())
-# They tell of every stranger at the door, without a bound; what matters of it is in this module's own lines.
+# They log every unauthenticated request, without a bound; what matters of it is in this module's own lines.
 for _name in ("fastmcp.server.auth.middleware", "mcp.server.streamable_http_manager", "mcp.server.streamable_http"):
     logging.getLogger(_name).setLevel(logging.ERROR)
 
@@ -214,7 +214,7 @@ class Web:
         self._listening: Listening | None = None
         self._trusted: tuple[str, ...] = ()
         self.verdict: Callable[[], str] = lambda: UNKNOWN
-        """How the deployment is, in one word of `health_verdict`; whoever assembles the endpoint sets it."""
+        """How the deployment is, in one word of `health_verdict`; set when the endpoint is assembled."""
         self._instance = instance
         self._app = self._made(server, tokens)
         self._guard = HostOriginGuardMiddleware(
@@ -263,7 +263,7 @@ class Web:
         serving = asyncio.ensure_future(self._uvicorn._serve(list(self._listening.sockets)))
         watching = asyncio.ensure_future(self._watch())
         try:
-            # Neither goes on without the other: a door that nobody watches would keep streams of ended tokens open.
+            # Neither goes on without the other: an unsupervised listener would keep streams of ended tokens open.
             await asyncio.wait({serving, watching}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             self.stop()
@@ -345,7 +345,7 @@ def _session_manager(app: Starlette) -> Any:
 
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn that leaves the process's signals to whoever runs it, and ends open streams before it waits for them."""
+    """uvicorn that leaves the process's signals to its caller, and ends open streams before it waits for them."""
 
     def __init__(self, config: uvicorn.Config, closing: Callable[[], None]) -> None:
         super().__init__(config)

@@ -1,7 +1,7 @@
 """Clients of this machine: each connection to the Unix socket is an MCP client with the framing of stdio.
 
 Each is greeted with an empty line as it is taken. The kernel also connects clients to a process that is being killed;
-without the greeting they could not tell that no one will ever answer, and a process has to be started.
+without the greeting they could not know that no one will ever answer, and a process has to be started.
 
 One process owns the devices and serves them all. A client that sends what is no message, or too large a one, gets an
 error and hurts no one else; one that goes takes its running calls with it; one that does not read is sent away before
@@ -139,7 +139,7 @@ async def _accepted(listener: socket.socket) -> socket.socket:
 
 
 def _greet(connection: socket.socket, full: bool) -> bool:
-    """Tell a client that it was taken, or that there are too many; False when it has to go."""
+    """Inform a client that it was accepted, or that there are too many; False when it has to go."""
     text = _error(None, -32000, f"this endpoint has {MOST_CLIENTS} clients and takes no more") if full else b""
     try:
         connection.send(GREETING + text)
@@ -205,7 +205,7 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
             if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in parse(line):
-                # A request whose id is no id would pass for a notification, and its sender would wait for ever.
+                # A request whose id is no id would pass for a notification, and its sender would wait without end.
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue

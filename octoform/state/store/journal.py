@@ -39,7 +39,7 @@ class Op(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One line. ``n`` grows by one in a file, ``time`` is RFC 3339, ``run`` tells apart the processes that wrote."""
+    """One line. ``n`` grows by one in a file, ``time`` is RFC 3339, ``run`` identifies the process that wrote."""
 
     n: int
     time: str

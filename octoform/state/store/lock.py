@@ -30,7 +30,7 @@ from octoform.state.layout import Layout
 # Who holds a lock, and whether that process still lives.
 #
 # A pid alone is no identity: it is given again, and it means another process after a reboot, on another machine or in
-# another container. So a holder is pid, start time, boot, machine and pid namespace, as the kernel tells them. Light.
+# another container. So a holder is pid, start time, boot, machine and pid namespace, as the kernel reports them. Light.
 
 _MACHINE_ID = Path("/etc/machine-id")
 
@@ -138,7 +138,7 @@ class Holder:
 
 @dataclass(frozen=True, slots=True)
 class Waiting:
-    """How long to wait for a lock (seconds), and on which clock; ``told`` is called once when waiting starts."""
+    """How long to wait for a lock (seconds), and on which clock; ``notify`` is called once when waiting starts."""
 
     timeout: float = 0.0
     clock: Callable[[], float] = time.monotonic

@@ -1,4 +1,4 @@
-"""The state file without pydantic: enough to tell that nothing has to be done, and what is wrong with a bad file.
+"""The state file without pydantic: enough to find that nothing has to be done, and what is wrong with a bad file.
 
 A no-op plan may not wait for a validation library. The checks here are those of the container (is it whole, is it a
 state, of this host, of a format that is understood); the heavy reader adds the fields. Light.
@@ -29,7 +29,7 @@ def backup_path(layout: Layout) -> Path:
 def peek(layout: Layout) -> dict[str, Any] | None:
     """The settled state document, or None when there is none, it is damaged, or a journal waits to be folded.
 
-    None means: ask `octoform.state.store.store.StateStore`, which tells apart what it was.
+    None means: ask `octoform.state.store.store.StateStore`, which determines the reason.
     """
     try:
         if layout.journal.stat(follow_symlinks=False).st_size > 0:

@@ -1,6 +1,6 @@
 """The one face of the state for anyone who changes it: each step journalled, then one new snapshot.
 
-The order is always: begin is durable before anything happens, the end is durable before anybody is told of it, the new
+The order is always: begin is durable before anything happens, the end is durable before it is reported, the new
 snapshot is in place before the journal goes. So a kill at any point leaves either the former state, or the former
 state with some nodes marked `interrupted`, or the new state. (Heavy: pydantic models.)
 """
@@ -91,7 +91,7 @@ class StateStore:
         return self._dirty
 
     def begin(self, node: str, data: Mapping[str, Any] | None = None) -> list[Diagnostic]:
-        """Say that work on a node starts; until its end is told the node is `interrupted`."""
+        """Say that work on a node starts; until its end is recorded the node is `interrupted`."""
         problem = make_folders(self._layout) or files.hold(self._layout)
         return [problem] if problem is not None else self._step(Op.BEGIN, node, data or {})
 
@@ -102,7 +102,7 @@ class StateStore:
     def failure(
         self, node: str, diagnostics: Iterable[Diagnostic] = (), data: Mapping[str, Any] | None = None
     ) -> list[Diagnostic]:
-        """Say that a node's run failed; what was accepted before stays. Told again in ``detail["failure"]``."""
+        """Say that a node's run failed; what was accepted before stays. Also stored in ``detail["failure"]``."""
         lines = [_bounded(to_json(item)) for item in list(diagnostics)[:_FAILURES_KEPT]]
         return self._step(Op.FAILURE, node, {"diagnostics": lines, **(data or {})})
 

@@ -1,1 +1,1 @@
-"""The daemon: status, health, incidents, claims, what it does and what a person tells it."""
+"""The daemon: status, health, incidents, claims, its actions and a person's orders to it."""

@@ -36,7 +36,7 @@ _STANDING = (Outcome.FROZEN, Outcome.SURFACED)
 
 
 class Standing:
-    """Which problems wait for a person, told once each time that they begin to."""
+    """Which problems wait for a person, shown once each time that they begin to."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -55,7 +55,7 @@ class Standing:
 
 
 def named(target: str, sentence: str) -> str:
-    """``target: sentence``; the sentence alone where it says whom it concerns."""
+    """``target: sentence``; the sentence alone where it names its target."""
     name = target.partition(":")[2] or target
     return sentence if name in sentence else f"{target}: {sentence}"
 

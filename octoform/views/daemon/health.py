@@ -36,7 +36,7 @@ STYLES = {
 LONGEST = 110
 """Columns that a person reads in one go, however wide the terminal is."""
 MOST_CHARACTERS = 400
-"""Of what one problem says about one thing."""
+"""Most characters of one problem's text about one target."""
 MOST = 12
 """Problems, and silent signals, that are shown; the rest is counted."""
 
@@ -113,7 +113,7 @@ def _first(console: Console, found: Survey, now: datetime) -> None:
 
 
 def _worst(found: Survey) -> Part | None:
-    """What the first line tells."""
+    """The content of the first line."""
     return next((part for part in found.health.parts if part.status is found.health.status), None)
 
 

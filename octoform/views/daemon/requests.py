@@ -1,4 +1,4 @@
-"""What a person told the daemon: to pause, to go on, to try again, and what it was that was given up."""
+"""A person's orders to the daemon: to pause, to go on, to try again, and what it was that was given up."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -91,7 +91,7 @@ def _object(console: Console, document: dict[str, object]) -> int:
     return 0
 
 
-# Claims, for a person and for a program: what is said, on what, until when, and what it forbids.
+# Claims, for a person and for a program: the statement, the target, until when, and what it forbids.
 
 _STYLES = {State.ACTIVE: "yellow", State.PENDING: "red"}
 _WORDS = {

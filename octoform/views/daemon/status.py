@@ -57,7 +57,7 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
 
 
 def uncompared(console: Console, found: Status, surveyed: Survey, *, as_json: bool) -> int:
-    """Nothing can be planned, and so nothing compared; how the deployment is can be told all the same.
+    """Nothing can be planned, and so nothing compared; the status of the deployment is shown all the same.
 
     Exit code 1, or that of ``health`` where it is not healthy.
     """
@@ -109,7 +109,7 @@ def _watched(daemon: Record | None) -> str:
 
 
 def _process(process: Process) -> Iterator[str]:
-    """What there is to tell of the process; members of its answer that this octoform does not know are omitted."""
+    """The facts of the process; members of its answer that this octoform does not know are omitted."""
     running, found = process.running, process.reported or {}
     if running is None:
         return

@@ -89,8 +89,8 @@ def _event(record: Mapping[str, Any]) -> str:
 
 # The audit log for a person: a sentence for each record, and for a program the records as they are.
 #
-# The log is written for a check of it, with a field for everything; whoever reads it after an accident wants to know
-# who did what, whether it went well, and why not.
+# The log is written for a check of it, with a field for everything; a person who reads it after an accident wants to
+# know who did what, whether it went well, and why not.
 
 Record = Mapping[str, Any]
 
@@ -156,7 +156,7 @@ def _describe(record: Record) -> list[str]:
     event = str(record.get("event"))
     try:
         return _EVENTS[event](record) if event in _EVENTS else [event.replace("_", " "), _rest(record)]
-    except (LookupError, TypeError, ValueError, AttributeError):  # a record of another version: all that it says
+    except (LookupError, TypeError, ValueError, AttributeError):  # a record of another version: all its fields
         return [event.replace("_", " "), _rest(record)]
 
 

@@ -63,7 +63,7 @@ def _kind(given: dict[str, Any]) -> str:
 
 
 def answer(console: Console, tool: str, found: SavedAnswer, *, as_json: bool) -> int:
-    """What the tool said; exit code 1 when it said that it failed."""
+    """The tool's result; exit code 1 when it is an error."""
     result = found.result
     failed = 1 if result.is_error else 0
     if as_json:
@@ -104,7 +104,7 @@ PATIENCE_SECONDS = 1.0
 
 
 class Attended:
-    """The person at the terminal, if there is one; ``approved`` when they said yes beforehand."""
+    """The person at the terminal, if there is one; ``approved`` when they approved beforehand."""
 
     def __init__(self, console: Console, *, approved: bool, clock: Callable[[], float] = time.monotonic) -> None:
         self._console = console
@@ -114,7 +114,7 @@ class Attended:
         self._shown = 0
 
     def waiting(self) -> None:
-        """Tell of a start that takes its time."""
+        """Report a start that takes its time."""
         starting(self._console)
 
     def progress(self, done: float, total: float | None, message: str) -> None:

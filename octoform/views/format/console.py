@@ -50,7 +50,7 @@ class Console:
         self.out.flush()
 
     def wrapped(self, lead: str, text: str, *, indent: int) -> None:
-        """A text behind ``lead``: on a terminal broken between words, further lines ``indent`` in; in a pipe one line.
+        """A string behind ``lead``: on a terminal broken between words, further lines ``indent`` in; else one line.
 
         ``lead`` may be painted: it counts as wide as it looks.
         """

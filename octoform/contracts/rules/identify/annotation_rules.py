@@ -1,4 +1,4 @@
-"""Rules for what IDENTIFY says of a device beside its name: how it was found out, what kind it is, why it is omitted.
+"""Rules for IDENTIFY's facts of a device beside its name: how it was found out, what kind it is, why it is omitted.
 
 Each of these statements can be held against what PROBE shows of the device, and is refused only where that shows the
 opposite: a driver that did not bind decided nothing, and a camera of the kernel is neither unknown nor without a use.
@@ -42,7 +42,7 @@ _WANTED = frozenset({"video4linux", "sound"})
 _INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:keyboard|mouse|touchpad|touchscreen)\b")
 _PRODUCT = re.compile(r"(?m)^(?:product|name): (.*)$")
 _ATTACHED = re.compile(r"^/sys/devices/(?!virtual/)(?!.*/bluetooth/)")
-# Drivers that bind to whatever is there; that of a hub or of a bridge says what it is.
+# Drivers that bind to whatever is there; that of a hub or of a bridge identifies it.
 _GENERAL_DRIVERS = frozenset({"usb", "usb-generic"})
 # A code of USB or PCI for a kind of function: 00 leaves it to the interfaces, ff to the maker.
 _CLASS_CODE = re.compile(r"(?im)class(?:_?code)?\W+(?:0x)?(?!00|ff)[0-9a-f]{2}(?![g-z])")
@@ -109,7 +109,7 @@ def reason_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Below one half nothing is done through a raw line: a class of the kernel is a way whoever makes the device."""
+    """Below one half nothing is done through a raw line: a class of the kernel is a way for devices of any maker."""
     probed = _probed(artifacts)
     return [
         error(
@@ -128,7 +128,7 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Where a profile has a grammar, each command is one capability, with its effect and its way to stop."""
+    """Where a profile has a protocol definition, each command is one capability, with its effect and its stop."""
     out = []
     for index, at, profile, capability, commands in _commanded(value, artifacts):
         command, stops = commands.get(capability["name"]), capability.get("stops", False)
@@ -288,7 +288,7 @@ def _numbers(entry: JsonObject) -> tuple[str | None, str | None]:
 def _commanded(
     value: JsonObject, artifacts: Artifacts
 ) -> Iterator[tuple[int, int, str, JsonObject, Mapping[str, Mapping[str, Any]]]]:
-    """(device, capability, profile, the capability, commands by name) of devices whose profile has a grammar."""
+    """(device, capability, profile, the capability, commands by name) of devices with a protocol definition."""
     for index, device in enumerate(value["devices"]):
         facts = artifacts.profiles.get(device.get("profile", ""))
         if facts is None or not facts.commands or device["id"] not in facts.holds:
@@ -298,7 +298,7 @@ def _commanded(
             yield index, at, facts.name, capability, commands
 
 
-# Rules for what a device is said to be able to do: a way that PROBE shows, an effect that the words do not belie.
+# Rules for the capabilities of a device: a way that PROBE shows, an effect that the words do not belie.
 #
 # A capability becomes a tool that somebody calls. So the kernel's classes have to show a way to what it promises (no
 # picture comes out of a temperature sensor), a verb that destroys is no `read`, and a pipe for bytes is none, whatever

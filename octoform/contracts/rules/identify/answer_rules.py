@@ -1,4 +1,4 @@
-"""Rules for what a person said of a device: it counts where it was stated, it is not passed over, and it is asked once.
+"""Rules for a person's answers about a device: each counts for its device, none is ignored, and each is asked once.
 
 A profile that holds is of the same kind: who names the device otherwise would do without its protocol definition and
 its limits.
@@ -23,13 +23,13 @@ _ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
 
 
 def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
-    """What a person said of a device, as it stands and on one line; evidence may quote it."""
+    """A person's answer about a device, verbatim and on one line; evidence may quote it."""
     found = artifacts.answers.get(device)
     return (found, " ".join(found.split())) if found is not None else ()
 
 
 def is_quoted(quote: str, device: JsonObject, artifacts: Artifacts) -> bool:
-    """True for a piece, letter by letter, of what PROBE recorded of a device or of what a person said of it."""
+    """True for a piece, letter by letter, of what PROBE recorded of a device or of a person's answer about it."""
     sources = (device["name"], device["raw_descriptor"], *texts(device["id"], artifacts))
     return any(quote in text for text in sources) and len(re.findall(r"\w", quote)) >= 2
 
@@ -74,7 +74,7 @@ def answer_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A device that can do something names the profile that holds for it, whose grammar and limits bind it."""
+    """A device that can do something names the profile that matches it, whose definition and limits bind it."""
     held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds}
     return [
         error(
@@ -85,7 +85,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         )
         for index, device in enumerate(value["devices"])
         if device["id"] in held and device["capabilities"] and "profile" not in device
-        if device["method"] != "profile"  # which claims one: IDENTIFY-PROFILE-EVIDENCE tells
+        if device["method"] != "profile"  # which claims one: IDENTIFY-PROFILE-EVIDENCE reports it
     ]
 
 
@@ -131,10 +131,10 @@ RULES = (
 )
 
 
-# How much a person had to say before a device could be told: nothing, its name, or a description of how it works.
+# How much a person had to say before a device could be identified: nothing, its name, or a description of how it works.
 #
-# Tier 1: the host shows enough. Tier 2: a name, and the rest is public knowledge. Tier 3: a description, because
-# nothing public tells how it is used; such a description is the grammar of a line protocol. A grammar of registers
+# The paper's tier 1: the host shows enough. Its second tier: a name. Its third: a description, because
+# nothing public describes its use; such a description defines a line protocol. A definition of registers
 # behind a public library describes nothing that is not public: the name of the product was enough.
 
 NOTHING, NAME, DESCRIPTION = 1, 2, 3
@@ -142,7 +142,7 @@ WORDS = {NOTHING: "no input", NAME: "label", DESCRIPTION: "profile"}
 
 
 def tier(annotation: Mapping[str, Any], answers: Collection[str], descriptions: Collection[str]) -> int:
-    """The tier of an annotated device, by the devices spoken of and the profiles that describe a grammar of lines."""
+    """The tier of an identified device, by the answers and the profiles that define a line protocol."""
     profile = annotation.get("profile")
     if profile in descriptions:
         return DESCRIPTION

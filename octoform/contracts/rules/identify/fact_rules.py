@@ -1,6 +1,6 @@
 """Rules for the smaller statements of IDENTIFY: the class, the facts among the parameters, the way, an unknown's name.
 
-Each of them goes on to INTERFACE as it stands, and from there to whoever calls the tool. So none is filled in from
+Each of them goes on to INTERFACE unchanged, and from there to the caller of the tool. So none is filled in from
 memory: what a device of that kind usually has, and what it probably is, is no evidence of what this one has and is.
 """
 
@@ -19,7 +19,7 @@ from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
 
-# Facts that a device is asked for at every call, or that stand in its descriptor.
+# Facts that a device is asked for at every call, or that are in its descriptor.
 _ASKED = re.compile(r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy)")
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 _BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
@@ -131,7 +131,7 @@ def _spelt(entry: JsonObject) -> str:
 
 
 def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """The word of class follows from a class of the kernel or of USB, or is said by the device or its owner."""
+    """The word of class follows from a class of the kernel or of USB, or is a word of the device or its owner."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, device in enumerate(value["devices"]):

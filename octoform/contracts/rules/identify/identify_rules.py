@@ -341,7 +341,7 @@ def _named_by_its_chip(device: JsonObject, entry: JsonObject) -> bool:
     chips = word_set([*entry.get("drivers", ()), *wires]) - word_set(others)
     name = device["identified_as"]
     named = {word.casefold() for word in words(name)}
-    # "I2C" is said in two words, of which neither is a chip.
+    # "I2C" is spelt as two words, of which neither is a chip.
     wiring = {part.casefold() for word in _UNBROKEN.findall(name) if is_filler(word.casefold()) for part in words(word)}
     return any(has_digit(word) and word in chips and not is_filler(word) for word in named - wiring)
 

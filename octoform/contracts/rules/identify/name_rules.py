@@ -1,4 +1,4 @@
-"""A name rests on its evidence: what a device is called must be said somewhere that a reader can look up.
+"""A name rests on its evidence: a device's name must have a source that a reader can look up.
 
 A quote that stands verbatim in PROBE proves little when the name beside it has nothing to do with it ("driver: usbhid"
 under the name of a robot). So in a name that claims to be known each word is either a word of class, which states what
@@ -22,7 +22,7 @@ from octoform.contracts.rules.identify.answer_rules import is_quoted
 from octoform.contracts.rules.identify.prose_rules import is_foreign
 from octoform.diagnostics import Diagnostic, error
 
-# From here on a name is claimed to be known; below, the kind of thing is all that is said.
+# From here on a name is claimed to be known; below, only the kind of device is claimed.
 CLAIMED = 0.5
 ACTING = ("sensor", "actuator", "bidirectional")
 _DATABASE, _WEB, _ANSWER = "id_database", "web_search", answer_rules.METHOD
@@ -34,7 +34,7 @@ _SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
 _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
 # Numbers of a kind's registration, which a name does not consist of.
 _CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
-# Where PROBE says which kinds of input a device sends, no other follows from its class.
+# Where PROBE records which kinds of input a device sends, no other follows from its class.
 _BOOT = re.compile(r"\bclass 03/01/0[12]\b")
 """A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
 _INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
@@ -85,7 +85,7 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, device, probed in _claims(value, artifacts):
         entry = _entry(device, artifacts)
         if entry is None or _unsupported(device, probed, entry, artifacts):
-            continue  # nobody looked, or the name itself is the finding
+            continue  # no database was read, or the name itself is the finding
         known = word_set([entry, *_texts(probed)])
         for at, evidence in enumerate(device["evidence"]):
             text = evidence.get("says", "")
@@ -108,7 +108,7 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """At the end of a raw line nothing is guessed: what no string says is unknown, with the confidence 0."""
+    """At the end of a raw line nothing is guessed: what no string states is unknown, with the confidence 0."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, device in enumerate(value["devices"]):
@@ -118,7 +118,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if device["id"] in artifacts.answers or "profile" in device or not speaks_bytes(known):
             continue
         if known["interface"] != "usb":
-            continue  # what is soldered in is on a bus that says more of it
+            continue  # what is soldered in is on a bus that describes it better
         if is_foreign(device["identified_as"], device["id"], artifacts):
             continue
         if unsaid := _guessed(device, known, _entry(device, artifacts)):
@@ -132,7 +132,7 @@ def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[str]:
     """The words of a name that neither the device reports nor a class bears out; of a line nothing follows, either."""
-    lines = [each.get("says", "") for each in device["evidence"] if entry is None]  # nobody looked
+    lines = [each.get("says", "") for each in device["evidence"] if entry is None]  # no database was read
     own = word_set([*_texts(probed), entry or "", *(text for text in lines if _SOURCE.search(text))])
     own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
     follows = (
@@ -222,7 +222,7 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
 def _unnamed(
     device: JsonObject, probed: JsonObject, entry: str | None, words_given: list[str], quoted: frozenset[str]
 ) -> list[str]:
-    """Of the words that tell one product from another, those that nothing states."""
+    """Of the words that distinguish one product from another, those that nothing states."""
     spoken = word_set(evidence.get("says", "") for evidence in device["evidence"])
     if device["method"] == _DATABASE:
         models = _models(words(entry or ""))
@@ -275,12 +275,12 @@ def _codes(probed: JsonObject) -> frozenset[str]:
 
 
 def _is_distinctive(word: str) -> bool:
-    """False for what could be in any name, and for what states the kind of thing; a number tells models apart."""
+    """False for what could be in any name, and for what states the kind of thing; a number distinguishes models."""
     return word.isdigit() or not (word in _GRAMMAR or is_filler(word) or is_class_word(word))
 
 
 def _models(of: Iterable[str]) -> list[str]:
-    """The words that tell one model from another: those with a digit."""
+    """The words that distinguish one model from another: those with a digit."""
     return [word for word in of if has_digit(word)]
 
 

@@ -1,6 +1,6 @@
 """Rules for INTERFACE: one typed tool for each capability, no more, no fewer, and nothing served that was not seen.
 
-The list of tools is what a person reads to know what an agent may do here, so effects and annotations must tell the
+The list of tools is what a person reads to know what an agent may do here, so effects and annotations must state the
 truth about each, and every device that no tool serves is named with a reason.
 """
 
@@ -50,7 +50,7 @@ _DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execu
 
 
 def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A description tells of kinds, names no single unit and no place, and gives the reader no orders."""
+    """A description is about kinds, names no single unit and no place, and gives the reader no orders."""
     serials, names = _serials(artifacts), _names(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -81,7 +81,7 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
     for index, tool in enumerate(value["tools"]):
         if tool["effect"] != "read" or effects.get(tool["capability"], "read") != "read":
-            continue  # of an effect that is understated another rule tells, and it is the cause
+            continue  # another rule reports the understated effect, which is the cause
         where = pointer("tools", index, "output_schema")
         if why := _bare(tool.get("output_schema")):
             summary = f"the result of {display(tool['name'])} {why}"

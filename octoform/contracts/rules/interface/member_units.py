@@ -26,7 +26,7 @@ _FLAGS = frozenset(
     {"ok", "success", "successful", "succeeded", "message", "msg", "error", "errors", "detail", "device", "device_id"}
     | {"requested_device", "requested", "timestamp", "time", "note", "info"}
 )
-"""Members that tell of a call, and nothing of what was read."""
+"""Members about a call, and not about what was read."""
 _ELSEWHERE = frozenset({"base64", "b64", "path", "filepath", "filename", "url", "uri"})
 _RECORDED = frozenset({"image", "picture", "photo", "frame", "snapshot", "audio", "sound", "video", "clip"})
 _SHORT = (

@@ -38,7 +38,7 @@ def output_schema(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """Every parameter says of which type it is."""
+    """Every parameter declares its type."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for name, member in _properties(tool).items():
@@ -355,9 +355,9 @@ def _is_property_table(item: Any, name: str) -> bool:
 
 # Rules for which units of a device a tool acts on: without them a restriction of one joint holds for some tools only.
 #
-# A device has several units where a tool of it names them or its profile's grammar drives them. Every tool that
-# actuates such a device says which it acts on; only then can the endpoint keep a joint still, or in its range, whatever
-# moves it.
+# A device has several units where a tool of it names them or its protocol definition drives them. Every tool that
+# actuates such a device names the one it acts on; only then can the endpoint keep a joint still, or in its range,
+# whatever moves it.
 
 _DRIVES = frozenset({"move_unit", "move_units", "pose", "set_torque"})
 

@@ -1,8 +1,8 @@
 """Numbers of a generated server that a test of what was read only chooses: ``21.5 if raw > 20000 else 18.0``.
 
-Such a number follows the device, and still no one measured it: it says on which side of a bound the reading was. That
+Such a number follows the device, and still no one measured it: it shows on which side of a bound the reading was. That
 is a state, a boolean or a word. A count or a level of a few steps may be chosen so, a quantity with a unit may not.
-And numbers of a folder or a file, that stand in its name, tell when it was changed or how many of it there are: they
+And numbers of a folder or a file, in its name, show when it was changed or how many of it there are: they
 follow the device as well, and no one measured them.
 """
 
@@ -28,7 +28,7 @@ _TEXT_OF = frozenset({"read_text", "read_bytes"})
 _BOUNDS = frozenset(
     {"max", "min", "crit", "lcrit", "emergency", "hyst", "limit", "label", "alarm", "threshold", "type"}
 )
-"""Last words of files that tell about a channel, and not what it measures now."""
+"""Last words of files that describe a channel, and not what it measures now."""
 _BOUND_WORDS = re.compile(
     r"max|min|crit|emergency|hyst|limit|label|alarm|threshold|trip|highest|lowest|bound|range|peak|warn", re.IGNORECASE
 )
@@ -224,7 +224,7 @@ def _is_truth(node: ast.AST) -> bool:
 
 
 def _units_beside(site: ast.AST) -> Iterator[object]:
-    """What a record says beside a number for its unit."""
+    """The unit that a record has beside a number."""
     if isinstance(site, ast.Call):
         pairs = [(item.arg, item.value) for item in site.keywords]
     elif isinstance(site, ast.Dict):

@@ -26,7 +26,7 @@ _DOTTED_OPENERS = frozenset(
     | {"sounddevice.rec", "sounddevice.play", "sounddevice.playrec", "os.open", "periphery.I2C", "periphery.SPI"}
     | {"periphery.GPIO", "periphery.Serial", "serial.tools.miniterm.main"}
 )
-# What the runtime does to a device that it is told: the same as opening its node here.
+# The runtime's calls that take a device: the same as opening its node here.
 RUNTIME_TOUCHES = frozenset(
     {f"runtime.gpio.{name}" for name in ("chips", "chip", "lines", "read", "drive", "hold")}
     | {f"runtime.evdev.{name}" for name in ("axis", "events", "rumble")}

@@ -191,7 +191,7 @@ class Flow(Deciding):
         found = Origin.NONE
         fixed = scope in self._roots and self.bindings.is_parameter(scope, node.id)
         fixed = fixed or all(isinstance(each.value, ast.Constant) for each in reaching if each.whole)
-        for each in reaching:  # what is a number or a text cannot be filled
+        for each in reaching:  # a number or a string cannot be filled
             found |= Origin.NONE if each.fills and fixed else self.bound(each)
         if open_ and scope is not None and self.bindings.is_parameter(scope, node.id):
             found |= self._parameter(scope, node.id)

@@ -1,7 +1,7 @@
 """The rule for SERVE about lines that no one knows: a tool that reads sends a constant question down them, or nothing.
 
-A raw line carries bytes and no meaning. With neither a profile nor the owner's answer no one can tell a question from
-a movement by its bytes, so what a caller gives never reaches the line, and no library that sets something does.
+A raw line carries bytes and no meaning. With neither a profile nor the owner's answer no one can distinguish a question
+from a movement by its bytes, so what a caller gives never reaches the line, and no library that sets something does.
 """
 
 import ast

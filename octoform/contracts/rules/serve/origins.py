@@ -1,4 +1,4 @@
-"""What the names of a generated server's calls tell of what comes back: a device's word, the clock's, chance's."""
+"""The origin of a value by the names of a generated server's calls: a device's word, the clock's, chance's."""
 
 import ast
 import re
@@ -15,7 +15,7 @@ from octoform.contracts.server_source import Function, Source, walk
 class Origin(IntFlag):
     """What a value depends on; none is a constant of the file.
 
-    ``SYSTEM``: a program, the network or a library said it without being told of a device. ``COUNTED``: how often
+    ``SYSTEM``: a program, the network or a library gave it without a device as input. ``COUNTED``: how often
     something came about.
     """
 
@@ -120,7 +120,7 @@ PLACES = frozenset(
     }
     | {"acquire", "release", "__enter__", "__exit__", "debug", "info", "warning", "error", "exception", "log"}
 )
-"""Methods that tell of a place, or make another one of it; whatever else is asked of it reads."""
+"""Methods that describe a path, or make another one of it; whatever else is asked of it reads."""
 OPENS = frozenset({"open", "io.open", "os.open", "os.fdopen", "io.FileIO"})
 OF_ITSELF = frozenset({"id", "strength", "actuate"})
 """What a device that was found knows without being asked."""
@@ -232,7 +232,7 @@ class Deciding(ABC):
 # Where the names of a generated server get their values: every binding, and those that reach one use of a name.
 #
 # A tool may bind a name, read a device into it and bind it again; what it returns is the last of these. So a binding
-# that stands on every way to a use hides the ones before it. What cannot be told reaches the use.
+# that stands on every way to a use hides the ones before it. What cannot be decided counts as reaching the use.
 
 Place = tuple[int, int]
 _LOOPS = (ast.For, ast.AsyncFor, ast.While)

@@ -1,4 +1,4 @@
-"""Which texts and numbers stand in a generated server, put together or not, and which of them are places of devices."""
+"""Which strings and numbers a generated server has, put together or not, and which of them are places of devices."""
 
 import ast
 import re
@@ -171,7 +171,7 @@ def _number(source: Source, flow: Flow, call: ast.Call, name: str, cameras: bool
         return None
     text = folded(source, flow, given)
     if text is not None and not text.strip().isdigit():
-        return None  # a text, which is a place or nothing
+        return None  # a string, which is a path or nothing
     return ast.unparse(given)[:20]
 
 

@@ -1,7 +1,8 @@
 """Rules for SERVE about what a tool returns: it comes from the device that was asked for, now.
 
 A server whose tools return constants satisfies every schema, and so does one that answers for another device or puts
-a number in place of a reading that failed. Each of them was written by an agent and told a person that all was well.
+a number in place of a reading that failed. Each of them was written by an agent and reported to a person that all was
+well.
 """
 
 import ast
@@ -64,7 +65,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         roots = tool_functions(source, site)
         used = source.entered_from(roots)
         if any(does_nothing(source, item) or not flow.results(item) for item in roots if tool["effect"] == "read"):
-            continue  # that is told, and is why nothing comes from a device
+            continue  # that is reported, and is why nothing comes from a device
         asked = [call for function in used for call in source.asking(function)]
         summary = _asks_wrongly(source, flow, asked, tool) or _names_another(source, roots, tool, artifacts)
         summary = summary or _falls_back(source, used, tool)

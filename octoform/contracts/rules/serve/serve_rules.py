@@ -22,10 +22,11 @@ from octoform.contracts.rules.serve.tool_rules import ToolSite, tool_functions, 
 from octoform.contracts.server_source import Function, Source, needed_source, read_source
 from octoform.diagnostics import Diagnostic
 
-# The rule for SERVE that what acts says so when it asks for its device: twins are then told apart, or it refuses.
+# The rule for SERVE that a tool that acts declares it when it asks for its device: the runtime then distinguishes
+# twins, or refuses.
 #
 # A reading of the wrong one of two equal devices misleads; a movement of the wrong one hurts. Only who asks with
-# `actuate=True` is refused where nothing tells which is meant, so a tool that acts must ask that way.
+# `actuate=True` is refused where nothing shows which is meant, so a tool that acts must ask that way.
 
 CODE = "SERVE-ACTUATE-UNBOUND"
 _HINT = "write runtime.device(id, actuate=True) in a tool that acts"
@@ -70,7 +71,8 @@ def _acts(call: ast.Call) -> bool:
 # The rule for SERVE about time: an ``async`` function never waits in a way that holds up everybody.
 #
 # All clients of a host share one event loop. A tool without ``async`` runs in a thread of its own and may block as long
-# as its timeout allows; one with it runs on the loop, and while it sleeps or waits for a program nobody gets an answer.
+# as its timeout allows; one with it runs on the loop, and while it sleeps or waits for a program no client gets an
+# answer.
 
 _BLOCKING = re.compile(
     r"time\.sleep|subprocess\.(?:run|call|check_call|check_output|getoutput|getstatusoutput)|select\.(?:select|poll)"
@@ -138,7 +140,7 @@ def syntax(value: str, _: Artifacts) -> list[Diagnostic]:
     return [] if isinstance(source, Source) else [source]
 
 
-# `syntax` comes first: the others are not asked about a text that it refuses.
+# `syntax` comes first: the others do not see a source that it refuses.
 RULES = (
     Rule("SERVE-SYNTAX", syntax),
     *code_rules.RULES,

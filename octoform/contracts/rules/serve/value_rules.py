@@ -187,7 +187,7 @@ def _is_invented(source: Source, flow: Flow, value: ast.expr) -> bool:
         return False
     for above, below in source.above(value):
         if isinstance(above, ast.ExceptHandler):
-            return False  # a default, which another rule tells of
+            return False  # a default, which another rule reports
         if isinstance(above, ast.If | ast.While) and below is not above.test and flow.of(above.test) & ~Origin.DEVICE:
             return False  # one of several things that were read decides which number it is
         if isinstance(above, ast.Match):
@@ -227,7 +227,7 @@ class _Substitutes:
             yield from self._suppressed(node)
         elif isinstance(node, ast.BoolOp) and isinstance(node.op, ast.Or):
             last = node.values[-1]
-            neutral = isinstance(last, ast.Constant) and last.value == 1  # nobody divides by nothing
+            neutral = isinstance(last, ast.Constant) and last.value == 1  # division by one means no value
             stands_in = self._is_number(last) and not neutral and not _is_optional(node.values[0])
             neutral = _is_zero(last) and _of_nothing(node.values[0])
             if stands_in and not neutral and self._is_read(node.values[0]) and not self._decides(node):

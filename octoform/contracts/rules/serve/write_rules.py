@@ -1,7 +1,7 @@
-"""Rules for SERVE about what a tool changes: nothing where its effect is ``read``, and what its caller said otherwise.
+"""Rules for SERVE about what a tool changes: nothing where its effect is ``read``, else what its caller passed.
 
 Tools of effect ``read`` are called without asking anybody. A tool that sets something and does not, or does it once its
-call is over, tells its caller of a state that is not there.
+call is over, reports to its caller a state that is not there.
 """
 
 import ast
@@ -148,7 +148,7 @@ def sets_nothing(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool uses which device its caller names, and where it sets something, all that its caller says."""
+    """A tool uses which device its caller names, and where it sets something, all that its caller passes."""
     source = needed_source(value)
     hint = "use it for what INTERFACE declares, or report in interface-errors that the device takes no such argument"
     out = []
@@ -247,7 +247,7 @@ def _may_act(source: Source, node: ast.Try) -> bool:
 
 
 def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
-    """Whether a failure ends in a result that does not tell of it."""
+    """Whether a failure ends in a result that does not report it."""
     kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type] if handler.type else []
     if kinds and all(last(item) in _OF_VALUES for item in kinds):
         return False
@@ -287,7 +287,7 @@ def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
 
 
 def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) -> bool:
-    """Whether a call tells something else to change: a program, a library's method, a line of text."""
+    """Whether a call makes something else change: a program, a library's method, a line of text."""
     if name.startswith("subprocess."):
         words = [str(item.value) for arg in call.args[:1] for item in walk(arg) if isinstance(item, ast.Constant)]
         return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
