@@ -37,7 +37,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # terminal would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
-    # How long an example takes says something about the machine's other work, not about the code.
+    # How long an example takes depends on the machine's other work, not about the code.
     settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.load_profile("tests")
 

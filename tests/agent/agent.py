@@ -1,4 +1,4 @@
-"""A scripted agent: does at once what a plan file says, whatever the stage. Used through the `command` harness.
+"""A scripted agent: carries out a plan file at once, whatever the stage. Used through the `command` harness.
 
 ``python agent.py SCRIPT``: SCRIPT is a JSON object, stage name to a list of behaviours, one for each attempt (the last
 one repeats). A behaviour is ``good`` (write the good artifact beside this file), or an object:

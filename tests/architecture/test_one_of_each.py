@@ -1,4 +1,4 @@
-"""Some ideas stand once, in `base/`: a second copy drifts from the first, and the drift is a bug that nobody sees."""
+"""Some ideas have one place, in `base/`: a second copy drifts from the first, and the drift is an unseen bug."""
 
 import ast
 import functools

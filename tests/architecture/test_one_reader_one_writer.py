@@ -17,7 +17,7 @@ FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # Programs that run beside a server's own libraries, where octoform is not, and get their input from octoform; and the
 # makers of simulated trees, which are given an empty folder.
 ALONE = ("endpoint/scripts/", "simulation/")
-# The base itself, and the parser of outputs, which tells a writer line and column of what is wrong.
+# The base itself, and the parser of outputs, which reports line and column of what is wrong.
 READERS = {"base/files.py", "contracts/artifact_parser.py"}
 PLAIN = {"read_text", "read_bytes", "write_text", "write_bytes"}
 # Calls that give a file another name, or put it in the place of another one.

@@ -25,7 +25,8 @@ NOUNS = {
 ROLES = {"main", "model"}
 # What composes and what shows a thing is called as the thing: one noun at different heights.
 HEIGHTS = {"cli", "engine", "views"}
-# One thing in several packages (decision 0006 says why): any other name that two packages share is a new meaning.
+# One thing in several packages (decision 0006 has the reasons): any other name that two packages share is a new
+# meaning.
 SAME = {
     "audit_log": {"endpoint", "server"},
     "files": {"base", "state"},

@@ -50,7 +50,7 @@ def prose(text: str) -> str:
 
 
 def described(value: Any) -> Iterator[str]:
-    """What a JSON Schema says in its descriptions and titles."""
+    """The descriptions and titles of a JSON Schema."""
     if isinstance(value, dict):
         for key, member in value.items():
             if key in ("description", "title") and isinstance(member, str):

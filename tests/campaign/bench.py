@@ -63,7 +63,7 @@ class Bench:
         self.spent = 0.0
         """Seconds of a core that the daemon had used before the fault, where a case asks for that."""
         self.session: Any = None
-        """A client that stays connected over the case, and what it was told at its beginning."""
+        """A client that stays connected over the case, and the server info that it got."""
 
     # The daemon's process
 
@@ -170,7 +170,7 @@ class Bench:
         return dict(json.loads(self.layout.snapshot.read_bytes())["nodes"])
 
     def starts(self) -> int:
-        """How often the daemon has started the endpoint, as its own record says."""
+        """How often the daemon has started the endpoint, by its own record."""
         with suppress(OSError, ValueError):
             return len(json.loads((self.layout.daemon / REMEMBERED[1]).read_bytes())["starts"])
         return 0

@@ -89,7 +89,7 @@ def _killed_in_discovery(bench: Bench) -> None:
 
 
 def _whole(bench: Bench) -> None:
-    """What was begun is taken back, the former endpoint serves, and whoever asks hears that something is wrong.
+    """What was begun is taken back, the former endpoint serves, and status commands report that something is wrong.
 
     How often agents were asked was known to the worker alone, so the hour counts as spent and nothing more is tried.
     """
@@ -118,7 +118,7 @@ def _asked(bench: Bench, stage: str) -> int:
 
 
 def _stopped_while(stage: str, bench: Bench) -> None:
-    """An emergency stop while this agent thinks: what it says is not carried out before the stop is cleared."""
+    """An emergency stop while this agent thinks: its report is not carried out before the stop is cleared."""
     before = {each: _asked(bench, each) for each in ("watch", "heal")}
     pausing = {"sleep": PAUSE}
     broken(

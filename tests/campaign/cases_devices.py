@@ -84,7 +84,7 @@ def _everything_gone(bench: Bench) -> None:
 
 
 def _unknown_board(bench: Bench) -> None:
-    """A kind that nobody knows: the scripted agent does not onboard it, so what is there must stay."""
+    """An unknown kind: the scripted agent does not onboard it, so what is there must stay."""
     bench.host._usb("1-6", "00d9", "Unheard Of")
     node = bench.host.tree.root / "sys/devices/pci0000:00/0000:00:14.0/usb1/1-6"
 
@@ -96,7 +96,7 @@ def _unknown_board(bench: Bench) -> None:
 
 
 def _same_nodes(bench: Bench) -> list[str]:
-    """The state's file counts one more step of its history; what it says of each node is what it said."""
+    """The state's file counts one more step of its history; its entry of each node is unchanged."""
     nodes = bench.state()
     names = sorted({*nodes, *bench.nodes})
     return [f"the state of {name} is another one" for name in names if nodes.get(name) != bench.nodes.get(name)]

@@ -48,7 +48,7 @@ def _connect(bench: Bench, *gone: str) -> None:
 
 
 def _arguments(schema: dict[str, Any], device: str) -> dict[str, str]:
-    """What a tool of several devices is to be told."""
+    """The device argument for a tool of several devices."""
     return {"device": device} if "device" in schema.get("properties", {}) else {}
 
 

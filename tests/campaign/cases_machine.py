@@ -47,7 +47,7 @@ def _project_read_only(bench: Bench) -> None:
 
 
 def _writable(bench: Bench) -> None:
-    """Whoever asks hears of it; then the disk is well again, and a person says so."""
+    """Status commands report it; then the disk is well again, and a person confirms it."""
     assert bench.project.run("health").status != 0, "health says healthy"
     while bench.undo:
         bench.undo.pop()()
@@ -104,7 +104,7 @@ def _unwatched(bench: Bench) -> None:
 
 
 def _told_of_watches(bench: Bench) -> list[str]:
-    """A daemon that sees less says so."""
+    """A daemon that sees less reports it."""
     found = [] if "DAEMON-FEW-WATCHES" in bench.log.read_text() else ["no one was told that folders are not watched"]
     bench.end_daemon()
     bench.watch()
@@ -123,7 +123,7 @@ def _clock_ahead(bench: Bench) -> None:
 
 
 def _agent_saw(bench: Bench) -> list[str]:
-    """What WATCH was given tells of the call that failed, beside the lines of the wrong time."""
+    """WATCH's input has the call that failed, beside the lines of the wrong time."""
     ahead = WRONG_TIME.findall(bench.layout.server_log.read_text(errors="replace"))[-1]
     logs = [json.loads(path.read_bytes())["log"] for path in bench.layout.attempts.glob("*watch*/input.json")]
     seen = any("the tool weigh failed" in log and ahead in log for log in logs)
@@ -141,7 +141,7 @@ CASES = (
         WAITS,
         mend=_writable,
         hold=8.0,
-        # Nobody can write down an episode there: it is in what the daemon prints, and health is another word at once.
+        # No incident can be written there: it is in the daemon's output, and health is another word at once.
         unwritten=True,
     ),
     Case(

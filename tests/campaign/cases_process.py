@@ -69,7 +69,7 @@ def _stale_record(bench: Bench) -> None:
 
 
 def innocent(bench: Bench) -> "subprocess.Popen[bytes]":
-    """A process that nobody may touch; whoever ends it is found out by `unharmed`."""
+    """A process that must not be touched; `unharmed` detects its end."""
     stranger = subprocess.Popen(_SLEEP)
     bench.undo += [stranger.wait, stranger.kill]  # undone from the end: killed, then waited for
     bench.strays.append(stranger)

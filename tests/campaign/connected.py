@@ -26,7 +26,7 @@ class Connected:
         self._client: Any = self._open.enter_context(self._portal.wrap_async_context_manager(client))
 
     def tools(self) -> dict[str, dict[str, Any]]:
-        """Input schema by name, as this session is told now."""
+        """Input schema by name, as this session lists them now."""
         return {tool.name: dict(schema_of(tool)) for tool in self._portal.call(self._client.list_tools)}
 
     def works(self, tool: str, arguments: dict[str, Any]) -> bool:

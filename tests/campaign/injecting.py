@@ -12,7 +12,7 @@ from octoform.daemon.model import Repair
 PATIENCE = 4.0
 """A fault that takes longer than its target is still waited for, so many times as long, so that its time is known."""
 HEALTH = 3.0
-"""Seconds in which the record of health must have what was told."""
+"""Seconds in which the record of health must have the report."""
 EXCHANGING = frozenset(set(Repair) - {Repair.REBIND, Repair.ROTATE, Repair.WATCH, Repair.RESTORE})
 """Repairs behind which another process may serve."""
 CLOSING = 30.0

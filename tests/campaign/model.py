@@ -10,21 +10,21 @@ if TYPE_CHECKING:
     from campaign.bench import Bench
 
 REPAIRED, WAITS, SURFACED, QUIET = "repaired", "waits", "escalated", "quiet"
-"""How a case has to end: mended by the daemon; by the world (the case); told to a person; or nothing to do."""
+"""How a case has to end: repaired by the daemon; by the world (the case); reported to a person; or nothing to do."""
 
 
 @dataclass(frozen=True)
 class Case:
     """A fault as data.
 
-    ``inject`` makes it, ``right`` tells from outside that all is well again, ``mend`` is what the world or a person
+    ``inject`` makes it, ``right`` checks from outside that all is well again, ``mend`` is what the world or a person
     does where the daemon must not. ``kinds`` are the findings that count as detected (none for a case that must stay
     quiet), ``repairs`` those that are right: every other one is wrong. ``detect`` and ``repair`` are targets in
     seconds, from the injection on. ``may_change`` are paths below the project that the right repair changes; all else
     that was accepted or published must have the same bytes afterwards. ``rows`` are those of the list of known faults.
-    ``calls`` is how many agent calls the case may cost. ``after`` tells what else is not as it has to be at the end.
+    ``calls`` is how many agent calls the case may cost. ``after`` lists what else is not as it has to be at the end.
     ``spoils``: another server is served afterwards, so the next case has a bench of its own. ``untold`` is how many
-    runs of agents nobody can tell of, because whoever counts them was killed.
+    runs of agents that are not counted, because their counter was killed.
     ``unwritten``: the daemon can write nothing down meanwhile, so what it prints counts.
     """
 
@@ -58,7 +58,7 @@ class Result:
     wrong: list[str] = field(default_factory=list)
     missed: list[str] = field(default_factory=list)
     slow: list[str] = field(default_factory=list)
-    """Targets of time that were missed; on a machine with other work that says little."""
+    """Targets of time that were missed; on a machine with other work they prove little."""
     calls: int = 0
     tokens: int = 0
     survivors: int = 0

@@ -1,4 +1,4 @@
-"""The agent of WATCH and HEAL in the campaign: says what a script says, with citations that are in its input.
+"""The agent of WATCH and HEAL in the campaign: reports what a script has, with citations that are in its input.
 
 ``python repairer.py SCRIPT``: SCRIPT is a JSON object, ``watch`` and ``heal`` to one behaviour each:
 ``{"write": TEXT}``, ``{"report": {...}}`` (an error without citations gets the first failure's), ``{"exit": N}``,

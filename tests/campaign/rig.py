@@ -1,7 +1,7 @@
 """The deployment that faults are injected into: a camera, two equal boards and a sensor, and a server for them.
 
-Two tools are there for the faults alone: `weigh` fails in its own code when the sensor says so, `wait_for_sensor` does
-not return. What the agents of WATCH and HEAL say stands in the script, which a case may change at any time.
+Two tools are there for the faults alone: `weigh` fails in its own code when the sensor orders it, `wait_for_sensor`
+does not return. What the agents of WATCH and HEAL say stands in the script, which a case may change at any time.
 """
 
 import json

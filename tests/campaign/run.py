@@ -107,14 +107,14 @@ def one(case: Case, benches: Benches) -> Result:
 
 
 def said(turn: int, case: Case, result: Result) -> str:
-    """A line for whoever waits."""
+    """A progress line."""
     times = " ".join("-" if each is None else f"{each:.2f}" for each in (result.detected, result.repaired))
     words = "; ".join([*result.missed, *result.wrong, *result.slow]) or "ok"
     return f"{turn + 1} {case.name}: {times} {words} {result.repairs or ''}"
 
 
 def story(bench: Bench) -> str:
-    """The last episodes and what the daemon and the endpoint said, for whoever looks for the reason."""
+    """The last incidents and the output of the daemon and the endpoint, to find the reason."""
     last = [json.dumps({name: each[name] for name in STORY}) for each in list(bench.episodes().values())[-4:]]
     log = bench.layout.server_log
     printed = log.read_bytes()[-1500:].decode(errors="replace") if log.exists() else ""

@@ -32,7 +32,7 @@ LEAN = 60 * 1024
 """KiB that the daemon may have resident at any time."""
 GROWTH = 0.1
 LEAST = 6
-"""Counts behind which it can be told whether something grows."""
+"""Counts from which growth is measured."""
 BEYOND = (
     *(("resident", 3072), ("descriptors", 3), ("threads", 2), ("watches", 8), ("locks", 1)),
     *(("children", 1), ("strangers", 0), ("files", MOST_ASIDE)),

@@ -59,7 +59,7 @@ def nest(path: Path, data: bytes, chance: random.Random) -> None:
 
 
 def pipe(path: Path, data: bytes, chance: random.Random) -> None:
-    """A pipe that nobody writes to."""
+    """A pipe without a writer."""
     path.unlink()
     os.mkfifo(path)
 

@@ -60,7 +60,7 @@ class _Proxy:
         answers = asyncio.create_task(_copy(there_reader, writer))
         requests = asyncio.create_task(self._requests(reader, there_writer))
         try:
-            # Whichever side goes, the other is told: that is how a client ends a call.
+            # When one side closes, so does the other: that is how a client ends a call.
             await asyncio.wait({answers, requests}, return_when=asyncio.FIRST_COMPLETED)
         finally:
             for each in (answers, requests):

@@ -347,7 +347,7 @@ mcp.add_tool(
 
 @mcp.tool
 def read_thermometer() -> str:
-    """Read the invented thermometer; the list of tools says when it is unplugged."""
+    """Read the invented thermometer; the list of tools lacks it when it is unplugged."""
     return "21 degrees"
 
 

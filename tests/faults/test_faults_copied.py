@@ -151,7 +151,7 @@ def test_a_copy_says_whose_endpoint_it_holds_and_gets_its_own_by_apply(applied: 
 def own(project: Project) -> None:
     """Every file of its endpoint leads to itself, and its socket lies in it and answers."""
     for path in (project.local / "endpoint").rglob("*"):
-        if path.is_dir() or path.suffix == ".pyc":  # bytecode tells where it was compiled, and nobody reads it there
+        if path.is_dir() or path.suffix == ".pyc":  # bytecode has the path of its compilation, unread there
             continue
         names = re.findall(rb"/[^ \"']*/(?:project|copy|moved|restored)\b", path.read_bytes())
         assert {name for name in names if b"/octoform/" not in name} <= {os.fsencode(project.folder)}, path
@@ -237,12 +237,12 @@ def test_a_record_of_another_machine_is_of_no_process_here(applied: Project) -> 
 
 
 OTHER_ID = ["unshare", "-m", "sh", "-c", 'mount --bind "$0" /etc/machine-id && exec "$@"']
-"""A command runs where the machine has the id of a file, and nobody else sees it."""
+"""A command runs where the machine has the id of a file, and no other process sees it."""
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can mount another id")
 def test_a_machine_that_gets_another_id_keeps_what_it_has_started(applied: Project, tmp_path: Path) -> None:
-    """The kernel says that it is the same process in the same folder since the same start of the machine."""
+    """The kernel reports the same process in the same folder since the same start of the machine."""
     (tmp_path / "machine-id").write_text("0123456789abcdef0123456789abcdef\n")
     later = replace(applied, prefix=[*OTHER_ID, str(tmp_path / "machine-id")])
     if subprocess.run([*later.prefix, "true"], capture_output=True, check=False).returncode != 0:

@@ -25,7 +25,7 @@ def crash(project: Project, target: str, limit: int) -> Done:
 
 @dataclass(frozen=True)
 class Whole:
-    """Applies that nobody killed: where another one is killed, and what they accepted.
+    """Applies that were not killed: where another one is killed, and what they accepted.
 
     Durable points of an apply of one stage, and those of a second stage, whose run begins with another's record.
     """

@@ -1,4 +1,4 @@
-"""Abuse of a running endpoint by clients of this machine: nobody gets in, nothing hangs for the others."""
+"""Abuse of a running endpoint by clients of this machine: no one gets in, nothing hangs for the others."""
 
 import asyncio
 import json

@@ -1,7 +1,7 @@
-"""An agent that leaves instructions for a later run: each is taken away, told, and refuses the attempt.
+"""An agent that leaves instructions for a later run: each is removed, reported, and refuses the attempt.
 
 The person's home is one of the test's own. The same attacks hold for root and for an ordinary user, since nothing here
-asks for more than the rights of whoever started octoform.
+asks for more than the rights of the user who started octoform.
 """
 
 import json
@@ -211,7 +211,7 @@ def refused_paths(attacked: Attacked, attempt: int) -> set[str]:
 
 
 def attack(attacked: Attacked) -> None:
-    """Every plant in one attempt: all are undone, told by name and kept; the next attempt counts, and nothing ran."""
+    """All plants in one attempt: all are undone, reported by name and kept; the next attempt counts; nothing ran."""
     project = attacked.project
     project.script = {"probe": [{"shell": "\n".join(attacked.words(text) for text in PLANTS.values())}, "good"]}
     project.write()
@@ -277,7 +277,7 @@ def test_folders_nested_without_end_hold_up_neither_the_guard_nor_the_next_attem
                 assert os.path.normpath(place.removeprefix("{project}/")) in " ".join(refused), place
         assert not (project.folder / "profiles").exists() and not (project.folder / "protocol").exists()
     finally:
-        remove_tree(project.folder)  # whoever clears up after the tests has a stack that ends
+        remove_tree(project.folder)  # the clean-up of the tests recurses, with a bounded stack
 
 
 BARS = {
@@ -340,7 +340,7 @@ ALONE = {
     "mkdir -p {project}/.octoform/bench/run {home}/.claude; echo '{{}}' > {project}/.octoform/bench/run/tokens.json; "
     "echo '{{}}' > {home}/.claude/settings.json",
     # What may be a person's own work stays, and refuses no attempt. `git rebase --continue` would run the steps; the
-    # crontab is told by its program, since its file is closed to the person.
+    # crontab is read by its program, since its file is closed to the person.
     "a person's": "git -C {project} -c user.name=A -c user.email=a@b commit -q --allow-empty -m theirs; "
     f"mkdir -p {{project}}/.git/rebase-merge; echo 'exec touch {{mark}}' > {{project}}/{TODO}; "
     "echo '* * * * * touch {mark}' | HOME={home} {home}/bin/crontab -",
@@ -401,7 +401,7 @@ MOVES = {
 def opened_and_moved(attacked: Attacked) -> None:
     """One attempt after another; each folder is whole again in its own place, and with its own rights.
 
-    Whoever may write a folder may replace what is in it, and what is closed hides a change.
+    A user who may write a folder may replace what is in it, and what is closed hides a change.
     """
     project = attacked.project
     identity = ("-c", "user.name=x", "-c", "user.email=x@y", "-c", f"safe.directory={project.folder}")
@@ -492,7 +492,7 @@ def test_what_the_serving_interpreter_reads_at_its_start_is_no_agents_and_a_plan
     assert names >= {os.path.normpath(path) for path in places}, named
     assert [(path.is_symlink(), path.exists() and path.read_bytes()) for path in places] == before
 
-    # What comes there otherwise is told by a plan, and gone with the next apply.
+    # A plan reports what comes there otherwise, and gone with the next apply.
     (packages / "planted.pth").write_text("import os\n")
     assert "planted.pth was added to the serving environment" in project.run("plan").text
     project.script = {}

@@ -1,4 +1,4 @@
-"""A disk that takes no more: the endpoint that is well goes on, and the person is told before anything is ended."""
+"""A disk that takes no more: the endpoint that is well goes on, and the person is informed before anything is ended."""
 
 import os
 from collections.abc import Callable

@@ -227,7 +227,7 @@ def test_a_program_behind_a_socket_without_a_file_is_not_reached(host: Host) -> 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root has a place for a service")
 def test_a_service_behind_a_socket_in_run_is_not_reached(host: Host) -> None:
-    """A database, say, does for its user whatever it is told."""
+    """A database, for example, executes any order of its user."""
     with (
         tempfile.TemporaryDirectory(dir="/run", prefix="octoform-test-") as folder,
         socket.socket(socket.AF_UNIX) as service,

@@ -62,7 +62,7 @@ def project(tmp_path: Path, environments: Path) -> Project:
 
 
 def write(project: Project) -> None:
-    """A manifest and a script in which each bad server is one attempt, and DEPLOY first says that it failed."""
+    """A manifest and a script in which each bad server is one attempt, and DEPLOY first reports that it failed."""
     attempts: list[Any] = []
     for name, text in BAD.items():
         path = project.outside / f"{name}.py"
@@ -91,7 +91,7 @@ def test_f05_f06_f08c_servers_that_must_not_be_served_are_refused_by_name_and_a_
     assert "no_such_clock" in done.out
     assert project.stages_run()[-4:] == ["deploy", "deploy", "serve", "deploy"]
 
-    # So SERVE was told, with its own server to correct, and the run went on to its end.
+    # So SERVE got the finding, with its own server to correct, and the run went on to its end.
     last = project.attempts("serve")[-1]
     assert "no_such_clock" in (last / "former-server.py").read_text()
     prompt = (last / "prompt.md").read_text()

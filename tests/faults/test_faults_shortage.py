@@ -17,7 +17,7 @@ from octoform.state.layout import Layout
 
 pytestmark = pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
 NUMBER = 40000 + os.getpid() % 20000
-"""Nobody else's processes count for this user."""
+"""Only this user's own processes count."""
 
 
 @pytest.fixture
@@ -55,7 +55,7 @@ def limited(user: User, most: int) -> list[str]:
 
 
 def of_the_user() -> list[str]:
-    """The processes of the user that are left; one that has ended and that nobody has waited for is none."""
+    """The processes of the user that are left; a zombie is none."""
     done = subprocess.run(["ps", "-o", "stat=,args=", "-u", str(NUMBER)], capture_output=True, text=True, check=False)
     return [line for line in done.stdout.splitlines() if not line.startswith("Z")]
 

@@ -1,4 +1,4 @@
-"""Agents that end or stop whoever supervises them and hide a process, as root and as an ordinary user.
+"""Agents that end or stop their supervisor and hide a process, as root and as an ordinary user.
 
 And tools that start a process without any variable: none outlives the check, a stop, a start or the project.
 """
@@ -115,7 +115,7 @@ def planted(host: Host) -> Path:
 
 
 def stands(path: Path) -> bool:
-    """Whether nobody writes into it any more: looked at for as long as five of its writer's turns."""
+    """Whether it has no writer any more: looked at for as long as five of its writer's turns."""
     before = path.stat().st_size
     end = time.monotonic() + 0.25
     while time.monotonic() < end:

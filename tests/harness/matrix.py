@@ -43,7 +43,7 @@ SUBJECTS: Mapping[str, Subject] = {
         Subject("claude-code", model="anthropic/scripted", start_seconds=8.0),
         # It tries again after a 500, and never after a 429.
         Subject("codex", start_seconds=6.0, differs={"500, 429, ok": Expected(ExitReason.RATE_LIMIT)}),
-        # Its model's service has no words for broken arguments: it is told of a broken call, and asks again in vain.
+        # Its model's service has no words for broken arguments: it gets a broken call, and asks again in vain.
         Subject(
             "gemini-cli",
             model="gemini/scripted",

@@ -71,7 +71,7 @@ class Rig:
         return done.stdout
 
     def lists(self, name: str) -> str:
-        """What the program tells of its servers."""
+        """The program's list of its servers."""
         found = program(name).locate(self.environ)
         assert found is not None
         path = os.pathsep.join([*found.path, self.environ["PATH"]])
@@ -109,7 +109,7 @@ def rig(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Rig]:
 
 
 def line_of(text: str, name: str) -> str:
-    """The line, and the one below, on which a program tells of a server."""
+    """The line, and the one below, on which a program lists a server."""
     lines = text.splitlines()
     found = [number for number, line in enumerate(lines) if name in line]
     assert found, text

@@ -63,7 +63,7 @@ CELLS = [
 
 
 def settled(ran: Ran, expected: Expected) -> None:
-    """The run ended as it had to; the log tells why not."""
+    """The run ended as it had to; the log has the reason otherwise."""
     log = ran.task.log.read_text("utf-8", "replace")
     assert ran.outcome.reason == expected.reason, (ran.outcome, log[-4000:])
     if expected.output is not None:
@@ -116,7 +116,7 @@ def end_program(workdir: Path, sleeping: Path) -> None:
     deadline = time.monotonic() + 50
     while not sleeping.exists():
         if time.monotonic() > deadline:
-            return  # the run ends by its own limit, and the test says how
+            return  # the run ends by its own limit, and the test checks how
         time.sleep(0.02)
     record = orphans.read(workdir)
     assert record is not None

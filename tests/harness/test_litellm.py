@@ -78,7 +78,8 @@ def test_its_commands_find_the_key_in_no_process_of_the_attempt(
         assert [item["key"] for item in server.replies] == [SECRET] * 2
     assert ran.outcome.reason is ExitReason.FINISHED, task.log.read_text()
     seen = (task.workdir / "seen").read_text()
-    # The process itself, and its supervisor where that is no other user's: root's agent is nobody in its sandbox.
+    # The process itself, and its supervisor where that is no other user's: root's agent is the user nobody in its
+    # sandbox.
     assert 1 <= seen.count("OCTOFORM_ATTEMPT=") <= 2
     assert SECRET not in seen
     assert "t-91c2d7-0123" not in seen

@@ -1,6 +1,6 @@
 """Zero or one question: what evidence cannot settle is asked once, and one sentence settles it.
 
-The host is a bench with two serial boards of which nothing tells what they are; the embedded agent works on it up to
+The host is a bench with two serial boards that nothing identifies; the embedded agent works on it up to
 INTERFACE, since no server is needed to see what a sentence changes.
 """
 
@@ -195,7 +195,7 @@ def test_a_profile_typed_into_the_manifest_is_the_same_input_as_its_file(bench: 
     typed = "".join(f"    {line}\n" if line else "\n" for line in PROFILE.splitlines())
     for profiles in ("profiles: [profiles/pump.md]\n", f"profiles:\n  - |\n{typed}"):
         (bench.folder / "octopus.yaml").write_text(f"{head}{text}{profiles}budget: {{attempts: 1}}\n")
-        # The scripted agent says nothing of this host and is refused; its prompt is what counts.
+        # The scripted agent has no output for this host and is refused; its prompt is what counts.
         bench.run("apply", "-auto-approve", "-target", "identify", status=1)
     first, second = (folder / "prompt.md" for folder in bench.attempts("identify"))
     assert "It doses one millilitre a turn." in first.read_text()

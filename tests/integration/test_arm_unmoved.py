@@ -83,7 +83,7 @@ HONEST = "port.write(b'STATUS?\\n')"
 
 
 def outputs(root: Path) -> dict[str, Any]:
-    """What an agent says that has found a line to read behind the arm's adapter."""
+    """The output of an agent that has found a line to read behind the arm's adapter."""
     probe = probe_root(root)
     found = identify(probe, IdDatabases(root))
     device = next(each for each in found["devices"] if each["id"] == ARM)

@@ -122,7 +122,7 @@ class ArmWorld(DaemonWorld):
         return True
 
     def sample(self) -> Iterable[Reading]:
-        """What arm_status tells of every joint; without a process nothing."""
+        """The answer of arm_status for every joint; without a process nothing."""
         if self.truth.pid is None:
             return ()
         self.passed()
@@ -142,7 +142,7 @@ class ArmWorld(DaemonWorld):
         return Signal(Channel.SENSOR, "arm_status", f"{self.unit}/{field}")
 
     def _heard(self, propose: Callable[..., Claim | Diagnostic], *what: Any) -> Claim | Diagnostic:
-        """What the ledger says to each proposal, counted."""
+        """The ledger's decisions on the proposals, counted."""
         found = propose(*what)
         word = found.code if isinstance(found, Diagnostic) else str(found.data.get("because", "believed"))
         self.agent.said[word] += 1
@@ -280,7 +280,7 @@ def accepted(layout: Layout, rig: VirtualRig) -> None:
 
 
 def registers(rig: VirtualRig) -> dict[str, Any]:
-    """What arm_status would tell, from the firmware's own memory: cheap enough for thirty days."""
+    """The answer that arm_status would give, from the firmware's own memory: cheap enough for thirty days."""
     joints = []
     for number, (name, servo) in enumerate(zip(JOINTS, rig.arm.servos.values(), strict=True), start=1):
         memory = {field: servo.value(field) for field in ("position", "temperature", "torque", "moving")}
@@ -307,7 +307,7 @@ def begun(folder: Path, patch: pytest.MonkeyPatch, *, whole: bool) -> Iterator[A
 
 
 def episode(world: ArmWorld, seconds: float) -> None:
-    """The arm holds its forearm out until the elbow is hot, is told to move, fails, and is put upright again."""
+    """The arm holds its forearm out until the elbow is hot, is ordered to move, fails, and is put upright again."""
     world.turned(OUT)
     world.advance(seconds * 0.6)
     said(world)
@@ -379,7 +379,7 @@ def test_eleven_hours_and_seventeen_minutes(tmp_path: Path, monkeypatch: pytest.
         free(world)
         moves(world)
         world.happens(Cause.LOG)
-        # The paper's report said healthy here, with every joint disabled; this one says what waits for a person.
+        # The paper's report said healthy here, with every joint disabled; this one lists what waits for a person.
         assert status(world) is Status.DEGRADED
         waiting = world.ledger.pending()
         assert {claim.irreversible for claim in waiting} >= {"disable_unit", "terminal_lock", "fire_risk"}
@@ -424,7 +424,7 @@ def shaken(world: ArmWorld, day: int) -> None:
 
 def left_out(world: ArmWorld) -> None:
     """The elbow is hot and restricted, and then a rewritten server reads it no more: that is not health, and no claim
-    lives on what nobody reads."""
+    relies on what no one reads."""
     world.turned(OUT)
     world.advance(HOUR)
     said(world)

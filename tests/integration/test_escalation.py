@@ -1,4 +1,4 @@
-"""Hybrid: the embedded agent says what it is certain of, and only what it left unknown is asked of another agent."""
+"""Hybrid: the embedded agent writes what it is certain of, and only what it left unknown is asked of another agent."""
 
 import json
 from collections.abc import Callable

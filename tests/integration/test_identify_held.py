@@ -1,4 +1,4 @@
-"""IDENTIFY of an agent that gets it wrong: each attempt is refused, with a finding that says what would be right.
+"""IDENTIFY of an agent that gets it wrong: each attempt is refused, with a finding that names the right value.
 
 The output that is changed is the embedded agent's own, about the bench of `lab` and what `shop` adds to it.
 """
@@ -83,10 +83,10 @@ def invented(value: Output) -> None:
 NAME, WAY, PIPE = "IDENTIFY-NAME-WITHOUT-EVIDENCE", "IDENTIFY-CAPABILITY-WITHOUT-CLASS", "IDENTIFY-PASSTHROUGH"
 MOVES, CHIP = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-CHIP-NOT-PRODUCT"
 MOST_FINDINGS = 2
-"""A guess that moves something is told as both, since both have to go."""
+"""A guess that moves something is reported as both, since both have to go."""
 CAM = "product: Bench Cam <serial>"
 WRONG: dict[str, tuple[Change, str, str]] = {
-    # Names: the word that nothing says stands in the finding, and beside it what the device says of itself.
+    # Names: the finding has the word without a source, and beside it the device's own strings.
     "a part of a longer word": (
         named(METER, "Bench Charm", "descriptor_strings", "product: Bench Charmeter"),
         NAME,

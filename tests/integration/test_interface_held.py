@@ -1,4 +1,4 @@
-"""INTERFACE of an agent that gets it wrong: each attempt is refused, with a finding that says what would be right."""
+"""INTERFACE of an agent that gets it wrong: each attempt is refused, with a finding that names the right value."""
 
 from typing import Any
 
@@ -63,7 +63,7 @@ def left(device: str, reason: str) -> Change:
 
 
 def reads(value: Output) -> None:
-    """A lamp that is set by a tool which says that it reads."""
+    """A lamp that is set by a tool whose effect is read."""
     tool(value, "set_led").update(effect="read")
     tool(value, "set_led")["annotations"].update(readOnlyHint=True, idempotentHint=True)
 

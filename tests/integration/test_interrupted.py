@@ -92,7 +92,7 @@ def listed(project: Project) -> dict[str, Any]:
 
 
 def left_in_order(project: Project, tool: orphans.Process) -> None:
-    """The tree is gone, nothing is held, and the record tells what was used."""
+    """The tree is gone, nothing is held, and the record has what was used."""
     assert not is_alive(tool.pid, tool.start)
     layout = Layout(project.folder, "bench")
     assert not layout.journal.exists()

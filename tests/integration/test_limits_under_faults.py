@@ -78,7 +78,7 @@ class Witness:
         rail = self.bench.rail
         if rail.longest > 2000:
             self.broken.append(f"the rail was moved by {rail.longest} steps at once")
-        # As the firmware counts: after a jam the carriage is elsewhere, and nothing but a picture could tell.
+        # As the firmware counts: after a jam the carriage is elsewhere, and only a picture could show it.
         self.farthest = max(self.farthest, *map(abs, rail.counted.values()))
         if self.farthest > 10_000:
             self.broken.append(f"the rail was {self.farthest} steps from its origin")

@@ -1,7 +1,7 @@
 """A profile's text is enough for products that acknowledge nothing, answer in several lines, or speak by themselves.
 
 One live endpoint for the file: the real command line onboards a planted board whose far end is a pseudo terminal. What
-counts is which bytes reached that end, and what a client was told.
+counts is which bytes reached that end, and the answer to the client.
 """
 
 import json
@@ -90,7 +90,7 @@ class Bench:
         self.project, self.heater = project, Heater()
 
     def ask(self, tool: str, **arguments: object) -> tuple[bool, object]:
-        """Whether a call goes well, and what a client is told."""
+        """Whether a call goes well, and the answer to the client."""
         result, found = call(Layout(self.project.folder, self.project.host), Wanted(tool, arguments))
         assert result is not None, found
         return not result.is_error, result.message if result.is_error else result.structured

@@ -1,4 +1,4 @@
-"""A live endpoint with its daemon, scripted agents and a simulated rig: what is known is kept, and told once.
+"""A live endpoint with its daemon, scripted agents and a simulated rig: what is known is kept, and reported once.
 
 Everything runs as a person has it: `octoform watch` is a process, calls are those of a client, and agents are programs
 whose inputs lie in their attempts' folders.
@@ -51,7 +51,7 @@ def calm(bench: Bench) -> None:
 
 
 def alerts(bench: Bench) -> list[tuple[str, str]]:
-    """What a person was told, and of what, in its order."""
+    """The alerts that a person got, with their targets, in order."""
     lines = (bench.project.outside / "alerts").read_text().splitlines()
     return [(each["event"], each["target"]) for each in map(json.loads, lines)]
 
@@ -97,7 +97,7 @@ def edit(bench: Bench) -> None:
 
 
 def doings(bench: Bench, target: str) -> list[str]:
-    """What the one execution log says of the daemon and a target."""
+    """The entries of the execution log for the daemon and a target."""
     log = [json.loads(line) for line in bench.layout.call_log.read_text().splitlines()]
     return [each["event"] for each in log if each.get("from") == "daemon" and each["target"] == target]
 
@@ -158,7 +158,7 @@ def test_one_replug_is_told_once_and_one_hang_is_one_trouble(bench: Bench) -> No
     assert until(lambda: bool(set(bench.episodes()) - known), LONG)
     for path in bench.host.tree.root.glob("sys/class/hwmon/*/temp1_input"):
         path.write_text("21500\n")
-    # Whoever called last may have been the daemon, while the tool still hung.
+    # The last caller may have been the daemon, while the tool still hung.
     assert until(lambda: bench.call("wait_for_sensor")[0] and not bench.open_episodes(), LONG), bench.said()
     fresh = [each for name, each in bench.episodes().items() if name not in known]
     assert len(fresh) == 1, [(each["kind"], each["summary"]) for each in fresh]

@@ -1,7 +1,7 @@
-"""Situations of a deployment and all that tell how it is: the same word everywhere, and the same exit code for it.
+"""Situations of a deployment and all commands that report its status: the same word and exit code everywhere.
 
 A user without rights is this one without the two capabilities that let root pass by the mode of a file; so are the
-endpoint and the daemon in every situation, and the commands where rights are what they tell of.
+endpoint and the daemon in every situation, and the commands that report rights.
 """
 
 import json
@@ -54,7 +54,7 @@ class Bench:
         return word
 
     def http(self) -> str:
-        """The word of the HTTP door, whose status has to agree; a door that nobody opens is down."""
+        """The word of the HTTP door, whose status has to agree; a door without a listener is down."""
         record = self.project.local / "run" / "network.json"
         url = json.loads(record.read_bytes())["url"] if record.exists() else "http://127.0.0.1:9"
         try:
@@ -163,7 +163,7 @@ BAD: dict[str, tuple[Callable[[Bench], object], str]] = {
 
 
 def becomes(told: Callable[[], str], word: str) -> str:
-    """What is told once it is the word; what it still is after a while."""
+    """The status once it is the expected one; and after a while."""
     end = time.monotonic() + SECONDS
     while (found := told()) != word and time.monotonic() < end:
         time.sleep(0.2)
@@ -185,7 +185,7 @@ def test_without_a_daemon_the_door_calls_nothing_healthy_that_nobody_looked_at(b
 
 
 def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
-    """What it wrote last is nobody's word any more: who asks looks, and who cannot look does not call it healthy."""
+    """Its last status file is stale: a command looks itself, and who cannot look does not call it healthy."""
     with bare(bench.project):
         daemon = bench.project.start("watch", start_new_session=True)
     try:

@@ -1,4 +1,4 @@
-"""PROBE of an agent that gets it wrong, on a host that says otherwise: each attempt is refused with the true line."""
+"""PROBE of an agent that gets it wrong, on a host that shows otherwise: each attempt is refused with the true line."""
 
 import copy
 import json
@@ -104,7 +104,7 @@ WRONG: dict[str, tuple[Callable[[Probe], None], str, str]] = {
 
 
 def kinds_only(probe: Probe) -> None:
-    """What an agent may do: say less, say it otherwise, leave out with a reason, tell of a neighbour."""
+    """What an agent may do: write less, reword, omit with a reason, list a neighbour."""
     for device in probe["devices"]:
         device.pop("instance")
         device.pop("drivers", None)

@@ -57,7 +57,7 @@ class Bench:
         return result.structured or {}
 
     def fails(self, tool: str, **arguments: object) -> str:
-        """What a client is told of a call that does not."""
+        """The client's error of a call that fails."""
         result, found = self.ask(tool, **arguments)
         assert result is None or result.is_error
         return result.message if result else found[0].summary
@@ -163,7 +163,7 @@ def test_a_device_that_goes_away_in_the_middle(bench: Bench) -> None:
     bench.rail.manner = "gone"
     found = bench.fails("rail_move_y", steps=5)
     assert found.startswith(DEVICE) and "whether it did 'MOVE_Y 5' is not known" in found
-    assert "MOVE" not in bench.fails("rail_home")  # nobody could send anything
+    assert "MOVE" not in bench.fails("rail_home")  # nothing could be sent
     bench.board.unplug()
     bench.rail.manner = "well"
     bench.board.plug()
@@ -184,7 +184,7 @@ AWAY = Signal(Channel.SENSOR, "rail_position", "/x")
 
 
 def connected(bench: Bench, *tools: tuple[str, dict[str, object]]) -> list[str]:
-    """What a client of another maker is told of each call; empty where it goes well."""
+    """The answer to a client of another maker for each call; empty where it goes well."""
     layout = Layout(bench.project.folder, bench.project.host)
     program, *arguments = json.loads((layout.endpoint / "connection.json").read_bytes())["command"]
 
@@ -235,7 +235,7 @@ def test_what_watch_claims_keeps_any_client_from_the_call_and_never_from_a_stop_
     bench: Bench,
 ) -> None:
     bench.call("rail_home")
-    seen(bench)  # a clean one, which tells when the claim will be over
+    seen(bench)  # a clean one, which shows when the claim will be over
     bench.rail.lines.clear()
     bench.call("rail_move_x", steps=200)
     held = {

@@ -1,6 +1,6 @@
-"""An arm that only a raw line leads to, and an agent that calls a movement a reading: what it says, and what it hides.
+"""An arm that only a raw line leads to, and an agent that calls a movement a reading: what it declares and hides.
 
-The simulated arm counts every packet. What an agent says outright is refused where it says it; the server that says
+The simulated arm counts every packet. An open declaration is refused where it is made; the server that declares
 nothing and moves the arm is accepted, and nothing calls it before a person or the manifest has.
 """
 
@@ -146,7 +146,7 @@ class Bench:
         return {"format": 1, "tools": [*tools, *more], "left_out": left}
 
     def moved(self) -> tuple[int, list[tuple[Any, ...]]]:
-        """How many packets came, and of each servo where it is, what it was told and whether it holds."""
+        """How many packets came, and of each servo where it is, its goal and whether it holds."""
         assert self.rig.servos is not None
         servos = self.rig.servos.servos.values()
         return self.rig.servos.received, [

@@ -1,4 +1,4 @@
-"""A tool with a new name for the same is told as renamed: when INTERFACE is made again, and in the plan after it."""
+"""A tool with only a new name is reported as renamed: when INTERFACE is made again, and in the plan after it."""
 
 import json
 

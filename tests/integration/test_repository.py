@@ -11,7 +11,7 @@ from projects import Project
 
 
 def git(project: Project, *arguments: str) -> str:
-    """What git says in the project's folder; it must succeed."""
+    """The output of git in the project's folder; it must succeed."""
     done = subprocess.run(["git", *arguments], cwd=project.folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return done.stdout

@@ -1,4 +1,4 @@
-"""A stage finds that the one before it is wrong: that one is told and runs again, once, within the budgets of both."""
+"""A stage finds that the one before it is wrong: that one gets the finding and runs again once, within both budgets."""
 
 from pathlib import Path
 from typing import Any

@@ -158,7 +158,7 @@ def unreadable(lender: Project) -> None:
 
 
 def false_but_vouched_for(lender: Project, quote: str = "a quote that PROBE never saw") -> None:
-    """An artifact that breaks the contract, with a state that says that it was accepted as it is."""
+    """An artifact that breaks the contract, with a state in which it was accepted as it is."""
     path = lender.state / "identify" / "output.json"
     value = json.loads(path.read_text())
     value["devices"][0]["evidence"][0]["quote"] = quote
@@ -213,7 +213,7 @@ def ignored_artifact(lender: Project) -> None:
 
 
 def corrected_spec(lender: Project) -> None:
-    """The agent corrected its spec, and nobody has promoted that."""
+    """The agent corrected its spec, and that is not promoted."""
     path = lender.state / "state.json"
     state = json.loads(path.read_text())
     state["nodes"]["identify"]["detail"]["spec_edit"] = {"digest": "sha256:1", "base": "sha256:2"}
@@ -291,7 +291,7 @@ def test_a_host_does_not_lend_to_itself_through_a_link(lender: Project, tmp_path
 def test_a_plan_with_nothing_to_do_looks_at_no_other_host(
     lender: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A git that tells that it was called is first on the path."""
+    """A git that records its calls is first on the path."""
     other = beside(lender, "bench-2")
     other.apply("-target", "identify", status=0)
     log, program = tmp_path / "log", tmp_path / "git"
@@ -373,7 +373,7 @@ def test_a_live_endpoint_from_another_hosts_stages(lender: Project, environments
     other.share_environments(environments)
     done = other.apply(status=0)
     assert lender.stages_run()[before:] == ["probe"]
-    # What a real client was told at the end of the apply.
+    # The list that a real client got at the end of the apply.
     assert done.events()[-1]["result"]["endpoint"]["tools"] == ["read_temperature"]
     for stage, name in (("serve", "server.py"), ("deploy", "output.json"), ("deploy", "requirements.txt")):
         assert (other.state / stage / name).read_bytes() == (lender.state / stage / name).read_bytes()

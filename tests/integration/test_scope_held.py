@@ -1,6 +1,6 @@
-"""How far an agent reaches: neighbours stay outside, products are nobody's knowledge, many tools are warned of.
+"""How far an agent reaches: neighbours stay outside, product knowledge is not assumed, many tools cause a warning.
 
-An agent whose output is changed goes through the stages; what is accepted says in the state what made it.
+An agent whose output is changed goes through the stages; an accepted output has its origin in the state.
 """
 
 import json
@@ -30,7 +30,7 @@ def put(*members: Output) -> Any:
 
 
 def near(probe: Output) -> None:
-    """What is merely near, as it should be told."""
+    """What is merely near, as it should be listed."""
     put({"id": NEAR, **NEIGHBOUR, "context": True}, {"id": PAIRED, **HEADSET, "context": True})(probe)
 
 

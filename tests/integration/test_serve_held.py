@@ -1,4 +1,4 @@
-"""SERVE of an agent that gets it wrong: each attempt is refused, with a finding that says what would be right.
+"""SERVE of an agent that gets it wrong: each attempt is refused, with a finding that names the right value.
 
 And of one that writes right things in other words: context managers, models, classes, helpers of its own.
 """

@@ -1,6 +1,6 @@
-"""The endpoint as a service: the unit is what systemd takes, and systemd is told what a person approved.
+"""The endpoint as a service: the unit is what systemd takes, and systemd gets what a person approved.
 
-In the place of systemctl stands a small program that keeps what it was told and starts and stops what the unit says.
+A small program replaces systemctl: it records its calls and starts and stops the command of the unit.
 """
 
 import contextlib
@@ -105,7 +105,7 @@ class Systemd:
         self.environ = {"PATH": path, "HOME": str(folder), "XDG_CONFIG_HOME": str(folder / "config")}
 
     def told(self) -> list[list[str]]:
-        """What it was told so far, questions left out."""
+        """Its calls so far, without queries."""
         kept = self.folder / "told"
         words = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
         return [item for item in words if item[0] not in ("show-environment", "is-active")]
@@ -194,7 +194,7 @@ def is_shown_asked_for_written_and_given_to_systemd(systemd: Systemd, bench: Lau
 def is_started_and_stopped_by_systemd(systemd: Systemd, bench: Launched) -> None:
     """The unit is skipped at a boot while the mark of a stop is there, so a start takes the mark away before it asks.
 
-    A start that systemd reports as failed is told with its reason.
+    A start that systemd reports as failed is reported with its reason.
     """
     found = len(systemd.told())
     assert stop(bench.layout).process is not None

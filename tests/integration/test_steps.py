@@ -72,7 +72,7 @@ class Bench:
         return done.status == 0 and "No changes." in done.out
 
     def tried(self, step: str = "step.arm") -> dict[str, dict[str, Any]]:
-        """What the state says of each unit."""
+        """The state's entry for each unit."""
         return {item["unit"]: item for item in self.project.nodes()[step]["detail"]["trials"]}
 
 

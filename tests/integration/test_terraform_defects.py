@@ -22,7 +22,7 @@ SECRET = 'hunter2-"quoted"-and-long'
 
 
 def planned(project: Project, *arguments: str) -> dict[str, Any]:
-    """The actions of a plan, node to action word, and what the summary says."""
+    """The actions of a plan, node to action word, and the summary."""
     events = project.run("plan", "-json", *arguments, status=0).events()
     actions = {event["change"]["node"]: event["change"] for event in events if event["type"] == "planned_change"}
     return {**actions, "summary": next(event for event in events if event["type"] == "change_summary")}

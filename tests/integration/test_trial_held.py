@@ -1,4 +1,4 @@
-"""DEPLOY's trial of servers that pass every other check and do not tell the truth: each tool, for each device."""
+"""DEPLOY's trial of servers that pass every other check and return wrong values: each tool, for each device."""
 
 import itertools
 import json
@@ -58,7 +58,7 @@ MUTE_TOOLS = (
 
 
 def muted(name: str) -> Edit:
-    """The tool reads its device, and then gives up whatever that says."""
+    """The tool reads its device, and then fails whatever the reading is."""
     text = 'said = runtime.read_text(runtime.device(device).folder / "uevent")\nif said != "later":\n'
     return body(name, f'{text}    raise ToolError("not yet")\nreturn said')
 
@@ -75,7 +75,7 @@ FOUND = {
 
 @pytest.fixture
 def moving(tmp_path: Path) -> Iterator[tuple[Path, Output, str]]:
-    """A desk whose sensor rises all the time, beyond all that is possible: its root, and what `written` says of it."""
+    """A desk whose sensor rises all the time, beyond all that is possible: its root, and what `written` has of it."""
     root = tmp_path / "host"
     earlier, good = written(root)
     file, ended = root / "sys/devices" / SENSOR / "temp1_input", threading.Event()

@@ -52,7 +52,7 @@ class Bench:
         return Ledger.open(self.layout, SystemClock(), settings_of(self.layout, 600.0))
 
     def told(self, *calls: tuple[str, dict[str, Any]]) -> list[str]:
-        """What a client is told of each call; empty where it goes well."""
+        """The error of each call for a client; empty where it goes well."""
 
         async def talk() -> list[str]:
             words = [f"-chdir={self.project.folder}", "connect", self.project.host]
@@ -109,7 +109,7 @@ def test_a_confirmed_declaration_keeps_the_joint_still_for_good(bench: Bench, ki
     bench.project.run("stop")
     bench.layout.restrictions.unlink()
     bench.project.run("start", status=0)
-    is_held()  # what the ledger says holds without the file
+    is_held()  # the ledger's restriction holds without the file
     bench.layout.restrictions.write_text("{")
     is_held()
     bench.project.run("claims", "-retire", claim.id, status=0)

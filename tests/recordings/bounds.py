@@ -2,7 +2,7 @@
 
 Names first: one wrong name fails the run, whichever item it is on. The others are counted on the items that people
 wrote by hand; items made by rules stand beside them for comparison, because a program with the same rules agrees with
-those by construction. A share of few items says little, so below FEWEST a missed share is only a warning.
+those by construction. A share of few items proves little, so below FEWEST a missed share is only a warning.
 """
 
 from collections.abc import Sequence

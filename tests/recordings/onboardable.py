@@ -6,12 +6,13 @@ hwmon or IIO channel, a GPIO chip, a LED, a backlight, a power supply, a thermal
 serves what the device is for. Everything else is counted under one of the reasons below, which the scorer prints.
 
 * A bare `lsusb -v` shows no class device: nothing is bound that a tool could open.
-* A serial line or a raw pipe (tty, hidraw, a CAN bus) carries bytes whose meaning no standard tells. A radio stick for
+* A serial line or a raw pipe (tty, hidraw, a CAN bus) carries bytes whose meaning no standard defines. A radio stick
+for
   home automation is one: its protocol belongs to its firmware, so it waits for a profile.
 * Radio, printing, fingerprints: no class of the kernel receives, prints or recognises. A software radio shows IIO
   buffers of raw samples, but what tunes and gates it is its own driver's.
 * A part of a camera pipeline (the kernel shows it as v4l-subdev and makes no video node of it) gives no picture: a
-  program has to link it to a receiver first, and no interface of the kernel says how.
+  program has to link it to a receiver first, and no interface of the kernel defines how.
 * A class device without a single value (a voltage monitor that only has an alarm, a sound card that is only a mute
   switch and has no PCM) has nothing to read or to play.
 """

@@ -5,7 +5,7 @@ process of its own, in a fresh project; recordings of whole hosts go on to SERVE
 artifacts are held against what people know of the devices. Nothing of a recording is kept.
 
 A recording holds what the kernel showed, not the id databases that the host also had (usb.ids, pci.ids): this machine's
-stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line says which.
+stand in for them where it has any, or those of `--ids DIR`; `--ids none` runs without, and the first line names it.
 `--sample N` takes every N-th recording, always the same ones: whole hosts and single devices alike, in the order of a
 digest of their names, so that neighbours (boards of one maker, parts of one host) are not taken or left out together.
 The last lines are the bounds that decide (`bounds.py`): no product named wrong, `unknown` wherever truth asks for it,
@@ -176,7 +176,7 @@ def marks_of(folder: Path, artifacts: Mapping[str, Any]) -> list[score.Mark]:
             marks.append(replace(mark, result=score.UNKNOWN_RIGHT) if mark.asked_unknown else mark)
         else:
             mark = score.mark(item, unit, answer, tools)
-            # Left out because its meaning is not known: that is the right answer where the recording does not tell.
+            # Left out because its meaning is not known: that is the right answer where the recording does not have it.
             unknown = mark.asked_unknown and unit is not None and reasons.get(unit["id"]) == "unknown_meaning"
             marks.append(replace(mark, result=score.UNKNOWN_RIGHT) if unknown else mark)
     return marks

@@ -1,8 +1,8 @@
 """How good the embedded agent's IDENTIFY is on recorded hosts whose devices people have named.
 
 Right is: seen by PROBE, annotated with a fitting category and a name that shares the product's words, or left unknown
-where the recording does not tell. One misidentification is a failure: an agent that acts on a wrong name does harm,
-one that says "unknown" asks a question. Items written by hand are counted apart from items made by rules, because a
+where the recording does not have it. One misidentification is a failure: an agent that acts on a wrong name does harm,
+one that answers "unknown" asks a question. Items written by hand are counted apart from items made by rules, because a
 program with the same rules agrees with the latter by construction.
 """
 
@@ -75,7 +75,7 @@ _SAME = {
 
 @dataclass(frozen=True)
 class Mark:
-    """One item, how it went and why; ``usable`` is None for what is not onboardable, ``excluded`` then says why not."""
+    """One item, how it went and why; ``usable`` is None for what is not onboardable, ``excluded`` has the reason."""
 
     item: Item
     result: str
@@ -85,7 +85,7 @@ class Mark:
 
     @property
     def asked_unknown(self) -> bool:
-        """True where the recording does not tell the product, so that naming one would be a guess."""
+        """True where the recording does not identify the product, so that naming one would be a guess."""
         return self.item.identified_by in ("context", "none")
 
 
@@ -95,7 +95,7 @@ def words(text: str) -> list[str]:
 
 
 def model_words(text: str) -> set[str]:
-    """The words that tell one product from another."""
+    """The words that distinguish one product from another."""
     if _ONLY_IDS.match(text.strip()):
         return set()
     return {w for w in words(text) if w not in _STOP | _CLASS_WORDS and not w.isdigit() and not _NODE_NAME.match(w)}
@@ -147,7 +147,7 @@ def misidentification(item: Item, answer: dict[str, Any]) -> str:
 
 
 def same_product(item: Item, answer: dict[str, Any]) -> bool:
-    """True when the name shares the product's model words, or its class where that is all that can be told."""
+    """True when the name shares the product's model words, or its class where that is all that can be known."""
     name = answer["identified_as"]
     found, true = set(words(name)) - _STOP, set(words(re.sub(r"\(.*?\)", " ", item.product))) - _STOP
     telling = model_words(item.product)
@@ -178,7 +178,7 @@ def _overlap(some: set[str], others: set[str]) -> bool:
 
 
 def _says(phrase: str, answer: dict[str, Any], item: Item) -> bool:
-    """True when the annotation says what the phrase forbids.
+    """True when the annotation has what the phrase forbids.
 
     "... as certain" forbids only what is said with confidence; "... by name" and "... by brand" forbid any model or
     brand word that the product's description does not have itself.

@@ -69,7 +69,7 @@ class Board:
         self._port.start()
 
     def say(self, line: str) -> None:
-        """Send a line that nobody asked for."""
+        """Send an unsolicited line."""
         assert self._port is not None
         self._port.say(f"{line}\n".encode())
 

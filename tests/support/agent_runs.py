@@ -20,7 +20,7 @@ PROMPT = "Do what the scripted model says. Grüße.\n"
 WRITE = """printf '{"made": true}' > "$OCTOFORM_OUTPUT" """
 """The command by which the scripted model makes the output of `task_for`."""
 NOWHERE = "http://127.0.0.1:9"
-"""Where nobody listens."""
+"""An address without a listener."""
 
 
 @dataclass

@@ -1,7 +1,7 @@
 """A deployment in virtual time: facts that change when repairs are made, a clock that jumps, a machine that sleeps.
 
 `DaemonWorld` stands behind the ports of the daemon's loop. Nothing sleeps: waiting moves the clock to the next thing
-that happens. What happens is told with `at`, `every` and the fields of `Truth`; what repairs do with `mends`.
+that happens. What happens is set with `at`, `every` and the fields of `Truth`; what repairs do with `mends`.
 """
 
 import heapq
@@ -158,7 +158,7 @@ class DaemonWorld:
         self.truth.failures.append(LoggedCall(tool, ended=True, ok=False, error=error, message=message))
 
     def suspend(self, seconds: float) -> frozenset[Cause]:
-        """The machine sleeps: uptime and wall clock go on, nobody runs."""
+        """The machine sleeps: uptime and wall clock go on, no process runs."""
         self.now += seconds
         return frozenset({Cause.RESUMED})
 
@@ -195,7 +195,7 @@ class DaemonWorld:
         return frozenset(found)
 
     def rouse(self) -> None:
-        """Nobody waits here."""
+        """No one waits here."""
 
     def follow(self, facts: Facts) -> None:
         """Everything is heard."""
@@ -281,7 +281,7 @@ def _rotate(world: DaemonWorld, finding: Finding) -> Done:
 
 
 def first(happens: Callable[["DaemonWorld"], None], done: Done) -> Mend:
-    """A repair during which this happens, whatever it says that it did."""
+    """A repair during which this happens, whatever it reports."""
 
     def mend(world: "DaemonWorld", _: Finding) -> Done:
         happens(world)

@@ -63,7 +63,7 @@ class Gated:
 
 
 def tool_policy(effect: str = "actuate", **changes: Any) -> dict[str, Any]:
-    """What policy.json says of a tool."""
+    """The entry of policy.json for a tool."""
     whole = {"effect": effect, "decision": "allow", "source": "default", "timeout": 10.0, "result_bytes": 10_000_000}
     return {**whole, "buses": [], "limits": [], **changes}
 
@@ -76,7 +76,7 @@ async def gated(
     clock: Callable[[], float] = time.monotonic,
     patience: Patience = QUICK,
 ) -> AsyncIterator[Gated]:
-    """Put these functions behind the gate, each with what policy.json says of it."""
+    """Put these functions behind the gate, each with its entry of policy.json."""
     server = FastMCP("bench")
     for function in tools:
         server.tool(function)

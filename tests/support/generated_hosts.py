@@ -1,7 +1,7 @@
-"""Hosts that nobody recorded, made by construction: each device with what is true of it.
+"""Hosts without a recording, made by construction: each device with what is true of it.
 
 A host is a tree in the form of sysfs. Each device has a kind (what the kernel's interface of its class offers), strings
-that tell its product, tell nothing, mislead or are in another script, and numbers that a registry knows or does not.
+that name its product, name nothing, mislead or are in another script, and numbers that a registry knows or does not.
 Serial numbers are missing, good, or those that makers leave in by default. A seed makes the same host again; another
 order plugs the same devices into other places.
 """
@@ -42,10 +42,10 @@ MISLEADING = (
 
 @dataclass(frozen=True)
 class Made:
-    """A device as it was made. ``strings`` says what its strings do: tell, nothing, mislead, script.
+    """A device as it was made. ``strings`` is what its strings do: tell, nothing, mislead, script.
 
     ``tools`` are tools of which it has one at least; empty where no interface of its class offers any.
-    ``categories`` are those that are right. ``product`` is the model that its strings tell, "" where they tell none.
+    ``categories`` are those that are right. ``product`` is the model that its strings name, "" where they name none.
     """
 
     kind: str
@@ -121,7 +121,7 @@ def _categories(kind: Kind, strings: str) -> tuple[str, ...]:
     if strings in ("tell", "native") or kind.bus != "usb" or kind.shown:
         return ("unknown",) if kind.chip and strings in ("nothing", "mislead") else kind.categories
     if kind.triple.startswith("ff"):
-        # A name of which nothing tells the kind; without one nothing is known.
+        # A name without a word of the kind; without one nothing is known.
         return ("unknown", "bidirectional") if strings == "script" else ("unknown",)
     return (*kind.categories, "sensor", "bidirectional", "unknown")
 

@@ -23,7 +23,7 @@ class Kind:
     triple: str = "ff0000"
     driver: str = ""
     chip: bool = False
-    """What shows is the chip that wires it, so that without strings nothing tells the product."""
+    """What shows is the chip that wires it, so that without strings nothing identifies the product."""
     shown: bool = True
     """Its class or its driver shows what it is; else its own words alone do."""
 
@@ -48,7 +48,7 @@ def _disk(tree: Tree, path: str, number: int) -> None:
 
 
 def _panel(tree: Tree, path: str, _number: int) -> None:
-    # Named after its place in the board's description, as the kernel does where firmware tells one.
+    # Named after its place in the board's description, as the kernel does where firmware has one.
     name = f"panel-{path.rpartition('/')[2].partition('.')[0]}"
     given = {"max_brightness": "100", "brightness": "7", "type": "raw"}
     tree.member(f"{path}/backlight/{name}", "backlight", given)

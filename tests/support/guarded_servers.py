@@ -1,6 +1,6 @@
 """Servers whose readings are numbers of the file, chosen by a test of what was read; and tests that are right.
 
-A comparison makes such a number depend on the device, and tells a caller nothing but on which side of a bound it is.
+A comparison makes such a number depend on the device, and shows a caller only on which side of a bound it is.
 """
 
 from server_edits import ASKED, CAMERA, FILE, body, read_by, warm

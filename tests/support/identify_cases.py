@@ -1,7 +1,7 @@
 """What agents write of a host in IDENTIFY: wrong outputs of every kind, and right ones that look unusual.
 
 Each is a change to the embedded agent's own output about a host of `case_hosts`. A wrong one names the code that
-refuses it and a piece of the finding that says what would be right.
+refuses it and a piece of the finding that names the right value.
 """
 
 import copy

@@ -1,4 +1,4 @@
-"""A ledger of claims over a folder of its own, on a clock that only moves when it is told to."""
+"""A ledger of claims over a folder of its own, on a clock that only moves when the test advances it."""
 
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
@@ -33,7 +33,7 @@ def heat(joint: str = "elbow_flex") -> Signal:
 
 
 def load(joint: str = "elbow_flex") -> Signal:
-    """The load of a joint, of which no profile says anything."""
+    """The load of a joint, that no profile describes."""
     return Signal(Channel.SENSOR, "arm_status", f"/joints/{joint}/load")
 
 

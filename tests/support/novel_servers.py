@@ -207,7 +207,7 @@ BOUNDS: dict[str, Any] = {
 
 
 def light(text: str, level: str = "int((folder / 'brightness').read_text())") -> Any:
-    """`set_brightness` with these lines where it writes; ``level`` is what it tells then."""
+    """`set_brightness` with these lines where it writes; ``level`` is what it returns then."""
     return body(
         "set_brightness",
         "with runtime.device(device, actuate=True).bus() as unit:\n    folder = unit.path('backlight')\n"

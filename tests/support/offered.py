@@ -133,7 +133,7 @@ def until(condition: Callable[[], object], seconds: float = 10.0) -> None:
 
 @asynccontextmanager
 async def hearing(client: Callable[..., Any], era: str, *uris: str) -> AsyncIterator[tuple[Any, list[tuple[str, str]]]]:
-    """A connected client and the changes that it is told: ("tools" | "resources" | "updated", URI or "").
+    """A connected client and the notifications that it gets: ("tools" | "resources" | "updated", URI or "").
 
     ``client`` makes one (``mode=``, ``message_handler=``). ``uris`` are the resources that it subscribes to.
     """
@@ -172,7 +172,7 @@ _KINDS = {ToolsListChanged: "tools", ResourcesListChanged: "resources", Resource
 
 
 async def heard_all(heard: list[tuple[str, str]], wanted: Sequence[tuple[str, str]], seconds: float = 10.0) -> None:
-    """Wait until a client was told all of ``wanted``, in any order and nothing else."""
+    """Wait until a client got all of ``wanted``, in any order and nothing else."""
     with anyio.move_on_after(seconds):
         while sorted(heard) != sorted(wanted):
             await anyio.sleep(0.01)

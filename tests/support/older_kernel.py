@@ -37,7 +37,7 @@ def rules(without: str) -> bytes:
 def main() -> None:
     given = rules(sys.argv[1])
     libc = ctypes.CDLL(None, use_errno=True)
-    libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS, which whoever is not root needs for a filter
+    libc.prctl(38, 1, 0, 0, 0)  # PR_SET_NO_NEW_PRIVS, which a filter needs without root
     program = Program(len(given) // 8, given)
     if libc.prctl(SET_SECCOMP, 2, ctypes.byref(program), 0, 0) != 0:
         raise OSError(ctypes.get_errno(), "no filter can be put on")

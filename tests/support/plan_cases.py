@@ -6,7 +6,7 @@ A case is a project as a person would have it now (octopus.yaml, profiles/, prot
   applied before), ``hardware`` with what the kernel announced ``before`` and announces ``now``, and ``since``: what
   happened after that apply, a list of [event, subject] (see `HAPPENINGS`);
 * ``before/``: files of the project that were different when it was applied;
-* ``plan.txt`` and ``plan.json``: what a person and a program must be told.
+* ``plan.txt`` and ``plan.json``: what a person and a program must read.
 """
 
 import json
@@ -62,7 +62,7 @@ def _lose(layout: Layout, _: StateStore, name: str) -> None:
 
 
 def _interrupt(_: Layout, store: StateStore, name: str) -> None:
-    """A run began on a node, and nobody saw it end."""
+    """A run began on a node, and its end was not recorded."""
     assert store.begin(name) == []
 
 

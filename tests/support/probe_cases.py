@@ -1,7 +1,7 @@
 """What agents write of a host in PROBE: wrong outputs of every kind, and right ones that look unusual.
 
 Each is a change to the embedded agent's own output about a host of `case_hosts`. A wrong one names the code that
-refuses it and a piece of the finding that says what would be right.
+refuses it and a piece of the finding that names the right value.
 """
 
 import copy
@@ -265,7 +265,7 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
     "a brightness": ("laptop", line("backlight-marsh-backlight", "brightness: 700"), TEXT, "'700'"),
     "a speed of a fan": ("server", line(MONITOR, "fan1 speed: 1180 rpm"), TEXT, "'1180'"),
     "a mains that is off": ("laptop", line("acpi-acpi0003", "online: 0"), TEXT, "'0'"),
-    # What tells one copy from another stands in `instance` alone.
+    # What distinguishes one copy from another is in `instance` alone.
     "a node in a text": ("laptop", line(KESTREL, "node: /dev/video0"), INSTANCE, "instance"),
     "a path in a text": ("laptop", line(CHIP, "path: /sys/devices/platform/coretemp.0"), INSTANCE, "instance"),
     "a port in a text": ("bench", line(STEPPER, "port: 1-10"), INSTANCE, "instance"),

@@ -90,7 +90,7 @@ class Project:
             self.share_environments(self.shared_environments)
         (self.outside / "script.json").write_text(json.dumps(self.script))
         lines = ["version: 1", f"host: {self.host}", f"harness: {self.harness or self.scripted()}"]
-        # A test calls as a program does, of which nobody can ask anything.
+        # A test calls as a program does, which cannot be asked anything.
         lines += [f"{key}: {value}" for key, value in {"policy": "{actuate: allow}", **self.manifest}.items()]
         (self.folder / "octopus.yaml").write_text("\n".join(lines) + "\n")
 

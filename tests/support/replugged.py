@@ -16,7 +16,7 @@ from sysfs_tree import Tree
 
 CAMERA, BOARD, TWIN, SENSOR = "usb-1f00-00c1", "usb-1f00-00b1", "usb-1f00-00b1-2", "usb-1f00-00a1"
 ANSWERS = f"{{{BOARD}: a bench board that moves its lever, {TWIN}: a bench board that moves its lever}}"
-"""What their owner says of the boards: nothing else tells that they may be moved over a serial line."""
+"""The owner's answer about the boards: nothing else shows that they may be moved over a serial line."""
 PCI = "pci0000:00/0000:00:14.0/usb1"
 SERVER = f'''"""Endpoint of a bench with a camera, two boards and a sensor."""
 
@@ -119,7 +119,7 @@ class Host:
         self._part(port, f"hwmon/hwmon{number}", "hwmon", {"name": "benchtemp", "temp1_input": value})
 
     def board(self, port: str, name: str, says: str) -> None:
-        """A board without a serial number; its line is a live pty, whose firmware answers with ``says``."""
+        """A board without a serial number; its line is a live pty, whose firmware answers from the file ``says``."""
         self._usb(port, "00b1", "Bench Board")
         self._part(port, f"{name}/tty/{name}", "tty", {}, name)
         firmware, line = os.openpty()

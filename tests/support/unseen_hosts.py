@@ -1,4 +1,4 @@
-"""Twelve hosts of kinds that no recording shows, as trees of sysfs: what each device says of itself is made up here.
+"""Twelve hosts of kinds that no recording shows, as trees of sysfs: the strings of each device are made up here.
 
 Each host is a function that plants its devices; what is true of them is beside the test that asks.
 """

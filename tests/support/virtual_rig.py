@@ -194,7 +194,7 @@ def _loaded(server: Path, rig: Rig, time: Time, patch: pytest.MonkeyPatch) -> It
 
 
 def _slowed(runtime: ModuleType, rig: Rig, time: Time, patch: pytest.MonkeyPatch) -> None:
-    """Virtual time for whoever waits, and the firmware for whoever opens a line."""
+    """Virtual time for each wait, and the firmware for each opened line."""
     patch.setattr(runtime.units, "Units", functools.partial(runtime.units.Units, clock=time, sleep=time.sleep))
     patch.setattr(runtime.lines, "time", time)
     found = functools.cache(

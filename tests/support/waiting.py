@@ -7,7 +7,7 @@ SECONDS = 60.0
 
 
 def until(holds: Callable[[], object], what: str = "it did not come true in time", seconds: float = SECONDS) -> bool:
-    """True as soon as the condition holds; an AssertionError that says ``what`` is missing after so many seconds."""
+    """True as soon as the condition holds; an AssertionError with ``what`` is missing after so many seconds."""
     end = time.monotonic() + seconds
     while not holds():
         assert time.monotonic() < end, what

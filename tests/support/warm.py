@@ -172,7 +172,7 @@ def _keeper(*prefix: str) -> socket.socket:
 
 
 def keep(orders: socket.socket) -> int:
-    """The loaded process: fork for each order, tell the exit of each fork; 0 when there is nobody left to order."""
+    """The loaded process: fork for each order, report the exit of each fork; 0 when no client is left."""
     atexit.register(_leave)  # the first, which is carried out last
     for name in (*_core(), "packaging.requirements"):
         importlib.import_module(name)

@@ -26,7 +26,7 @@ ALL = ("read", "actuate", "irreversible")
 
 
 def descriptor_in(folder: Path, network: Mapping[str, Any] | None = None) -> Descriptor:
-    """What the launcher is told, as far as its door needs it."""
+    """The launcher's settings, as far as its door needs them."""
     run = folder / "run"
     run.mkdir(mode=0o700, parents=True, exist_ok=True)
     given = {"interface": "127.0.0.1", "port": 17770, "hosts": [], "origins": [], **(network or {})}
@@ -52,7 +52,7 @@ def write_tokens(run: Path, tokens: Mapping[str, tuple[str, Sequence[str], str |
 
 
 def server() -> FastMCP[Any]:
-    """A server whose tools tell who called, and one that takes its time."""
+    """A server whose tools return who called, and one that takes its time."""
     mcp: FastMCP[Any] = FastMCP("bench")
     mcp.slow = threading.Event()  # type: ignore[attr-defined]
     mcp.ended = threading.Event()  # type: ignore[attr-defined]
@@ -146,7 +146,7 @@ def until(condition: Callable[[], bool], seconds: float = 20.0) -> None:
 
 
 def listeners(pid: int) -> set[int]:
-    """The TCP ports on which a process listens, as the kernel tells them (proc(5))."""
+    """The TCP ports on which a process listens, by the kernel (proc(5))."""
     ours = {str(link.readlink()) for link in Path(f"/proc/{pid}/fd").iterdir() if link.is_symlink()}
     rows = [line.split() for table in ("tcp", "tcp6") for line in Path(f"/proc/net/{table}").read_text().splitlines()]
     return {int(row[1].rpartition(":")[2], 16) for row in rows if row[3] == "0A" and f"socket:[{row[9]}]" in ours}

@@ -1,4 +1,4 @@
-"""What a condition says of a value."""
+"""Conditions on values."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""QEMU's control socket: a command and its answer at a time; the events in between tell nothing that is needed."""
+"""QEMU's control socket: a command and its answer at a time; the events in between are not needed."""
 
 import json
 import socket
@@ -51,7 +51,7 @@ class Control:
     def until_gone(self, device: str, seconds: float = 60.0) -> None:
         """Wait until the machine has a device no longer.
 
-        The event that tells of it may come late: it waits for the last transfer that was under way.
+        Its event may come late: it waits for the last transfer that was under way.
         """
         end = time.monotonic() + seconds
         while any(part["name"] == device for part in self.ask("qom-list", path="/machine/peripheral")):

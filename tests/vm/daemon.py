@@ -53,7 +53,7 @@ class Watch:
     def rediscovered(self, since: int, seconds: float) -> str:
         """Wait until hardware was onboarded after the first ``since`` troubles, and no change of it is open.
 
-        What each run says of itself; mostly one is enough, but a driver may take longer than anybody waits here.
+        The report of each run; mostly one is enough, but a driver may take longer than anybody waits here.
         """
 
         def changes() -> list[dict[str, Any]]:
@@ -66,7 +66,7 @@ class Watch:
         return "; then ".join(made["detail"] for episode in changes() for made in episode["tries"])
 
     def end(self) -> None:
-        """Tell it to end as a service manager does, and wait until nothing of it is left."""
+        """End it as a service manager does, and wait until nothing of it is left."""
         guest = self.octoform.guest
         record = f"{PROJECT}/.octoform/bench/daemon/daemon.json"
         ending = f"test ! -e {record} || kill $(python3 -c \"import json; print(json.load(open('{record}'))['pid'])\")"
@@ -76,7 +76,7 @@ class Watch:
 
 @contextlib.contextmanager
 def watching(octoform: Octoform) -> Iterator[Watch]:
-    """The daemon from its start until it is told to end."""
+    """The daemon from its start until it is ended."""
     line = octoform.line("watch", "-json")
     folder, _, command = line.partition(" && ")
     whole = f"{folder} && env {command} >/root/watch.log 2>&1 </dev/null; touch /root/watch.ended"

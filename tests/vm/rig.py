@@ -27,7 +27,7 @@ def rail_firmware() -> LineDevice:
 
 
 def identity(name: str) -> Identity:
-    """What the rig's description says that this device tells of itself."""
+    """The strings of this device in the rig's description."""
     given = _GIVEN[name]
     text = Template(given["descriptors"]).safe_substitute(given["strings"])
     fields = dict(re.findall(r"^ +(\w+)=(.+)$", text, re.MULTILINE))

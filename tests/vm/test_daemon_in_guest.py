@@ -1,7 +1,7 @@
 """The daemon on a real kernel: hardware that is pulled, moved, swapped and replaced is noticed by the kernel's word.
 
-The daemon's fallback interval is longer than this file runs, so whatever it notices it was told; and each trouble says
-what told it.
+The daemon's fallback interval is longer than this file runs, so all it notices came as an event; and each problem names
+that event.
 """
 
 import threading

@@ -32,7 +32,7 @@ See = Callable[[str, str], None]
 
 
 def shows_the_pattern(seen: Picture) -> str:
-    """The bars of the emulated camera stand where they should; else an assertion says which does not."""
+    """The bars of the emulated camera stand where they should; else an assertion names the one that does not."""
     found = [seen.at((2 * number + 1) / 16, 0.25) for number in range(8)]
     for colour, wanted in zip(found, COLOURS, strict=True):
         assert max(abs(a - b) for a, b in zip(colour, wanted, strict=True)) <= 20, (found, COLOURS)
@@ -41,7 +41,7 @@ def shows_the_pattern(seen: Picture) -> str:
 
 
 def where(module: str) -> pytest.MarkDecorator:
-    """The test is for the architectures whose kernel has the module; the table tells which one lacks it."""
+    """The test is for the architectures whose kernel has the module; the table shows which one lacks it."""
     having = [arch for arch in benches.LACKING if module not in benches.LACKING[arch]]
     return pytest.mark.parametrize("arch", having, indirect=True, scope="session")
 
@@ -68,7 +68,7 @@ def test_every_device_is_named_or_honestly_unknown(octoform: Octoform, see: See)
     for board in (CH340_BOARD, CP2102_BOARD):
         assert named[board]["category"] == "unknown", named[board]
         assert named[board]["missing"], "no question"
-    # What this board is it says itself; what its firmware does cannot be known.
+    # The board identifies itself; what its firmware does cannot be known.
     assert RAIL_BOARD not in {device for tool in octoform.artifact("interface")["tools"] for device in tool["devices"]}
     see("serial boards", "CH340 and CP2102 unknown, one question each; CDC-ACM named by itself, without a tool")
 

@@ -1,6 +1,6 @@
 """The reference rig on a real kernel: arm, rail and camera, each behind its own driver, moved through one endpoint.
 
-What runs on the boards is the simulation that `octoform simulate` runs, so a movement is told by the motors themselves,
+What runs on the boards is the simulation that `octoform simulate` runs, so the motors themselves report a movement,
 and once more by the camera, whose pictures come through the endpoint as everything else does.
 """
 
@@ -31,7 +31,7 @@ def seen_to_move(before: Picture, again: Picture, after: Picture) -> str:
 
 
 def absent(device: str, said: str) -> str:
-    """The answer, which says plainly that the device is gone: found by the call itself, or known before it."""
+    """The answer, which states plainly that the device is gone: found by the call itself, or known before it."""
     assert re.search(rf"{device} is not attached|^device absent: ", said), said
     return said
 

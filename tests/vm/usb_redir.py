@@ -79,7 +79,7 @@ class Carrier:
 
     def _write(self, kind: int, number: int, payload: bytes) -> None:
         form = "<IIQ" if self._wide else "<III"
-        with self._writing, contextlib.suppress(OSError):  # after an unplug nobody reads
+        with self._writing, contextlib.suppress(OSError):  # after an unplug no one reads
             self._peer.sendall(struct.pack(form, kind, len(payload), number) + payload)
 
     def _greet(self) -> None:

@@ -82,7 +82,7 @@ class Octoform:
         return int(self.guest.run(f"{self.line(*words)} >/dev/null 2>&1; echo $?", SLOW_SECONDS))
 
     def asked(self, *words: str) -> Any:
-        """The JSON object that a command prints, whatever its exit status says of it."""
+        """The JSON object that a command prints, whatever its exit status."""
         return json.loads(self.guest.run(self.line(*words, "-json"), SLOW_SECONDS, check=False))
 
     def call(self, tool: str, **arguments: Any) -> dict[str, Any]:
@@ -129,7 +129,7 @@ class McpClient:
         return answer.structured_content or {}
 
     def refused(self, tool: str, **arguments: Any) -> str:
-        """What a tool says that cannot do it."""
+        """The error of a tool that cannot do it."""
         answer = self._answer(tool, arguments)
         assert answer.is_error, f"{tool} {arguments} went well: {answer.content}"
         return " ".join(item.text for item in answer.content if isinstance(item, TextContent))

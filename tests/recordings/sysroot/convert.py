@@ -1,6 +1,6 @@
 """`convert`: every recording of an entry, read into one tree, the richest first.
 
-A file that turns out not to be what it looks like costs that file alone: the entry keeps what the others tell, and the
+A file that turns out not to be what it looks like costs that file alone: the entry keeps what the others have, and the
 fault is named.
 """
 

@@ -96,7 +96,7 @@ def _prefixes(line: str) -> Iterator[str]:
 
 
 def _link(tree: Tree, path: str, target: str) -> None:
-    """A recorded link, and the entry in the bus's or class's folder that a link ``subsystem`` tells of."""
+    """A recorded link, and the entry in the bus's or class's folder that a link ``subsystem`` names."""
     real = tree.real(path[1:])
     if not (real.exists() or real.is_symlink()):
         tree.folder(target[1:])

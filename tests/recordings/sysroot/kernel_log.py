@@ -1,6 +1,6 @@
 """A kernel log's lines on new USB devices, and listings of /dev/serial/by-id.
 
-Both are what people paste when they ask about one device; they tell ids, strings and the tty, little more.
+Both are what people paste when they ask about one device; they have ids, strings and the tty, little more.
 """
 
 import re
@@ -26,7 +26,7 @@ def read_ports(text: str) -> Ports:
 
 
 def load_log(tree: Tree, text: str) -> int:
-    """Devices and their ttys; how many lines told of one."""
+    """Devices and their ttys; how many lines named one."""
     devices: dict[str, UsbDevice] = {}
     for found in _NEW.finditer(text):
         name = found[1]

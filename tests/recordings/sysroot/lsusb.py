@@ -19,7 +19,7 @@ def load_long(tree: Tree, text: str, ports: Ports) -> int:
 
 
 def load_short(tree: Tree, text: str, ports: Ports) -> int:
-    """`lsusb`: ids and bus numbers are all it tells."""
+    """`lsusb`: it has only ids and bus numbers."""
     found = re.finditer(r"^Bus (\d{3}) Device (\d{3}): ID ([0-9a-f]{4}):([0-9a-f]{4})", text, re.M)
     plain = (UsbDevice(one[3], one[4], str(int(one[1])), str(int(one[2]))) for one in found)
     devices = place(plain, ports)

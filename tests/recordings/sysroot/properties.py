@@ -48,7 +48,7 @@ class Device(Protocol):
 
 
 def derive_attributes(tree: Tree, device: Device, known: Mapping[str, Device]) -> None:
-    """Write what the device's properties tell of its attributes; an attribute that was recorded stays."""
+    """Write the attributes in the device's properties; an attribute that was recorded stays."""
     for name, value in _attributes(device):
         if name not in device.attributes and name not in device.binaries:
             tree.attribute(f"{device.folder}/{name}", value, derived=True)

@@ -20,7 +20,7 @@ _DMI = {
 
 
 def load(tree: Tree, text: str) -> int:
-    """Write what the text tells; how many things that was."""
+    """Write the facts of the text; returns their number."""
     count = _cards(tree, text)
     _pcm_devices(tree, text)
     return count + _machine(tree, text) + _pci_functions(tree, text)
@@ -74,7 +74,7 @@ def _pcm_lines(text: str) -> Iterator[tuple[str, int, int, tuple[str, str]]]:
 
 
 def _machine(tree: Tree, text: str) -> int:
-    """What alsa-info says of the firmware's tables."""
+    """The firmware's tables in alsa-info."""
     count = 0
     for name, word in _DMI.items() if "!!DMI Information" in text else ():
         if found := re.search(rf"^{word}:[ \t]+(\S.*)$", text, re.M):

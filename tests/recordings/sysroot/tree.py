@@ -1,7 +1,7 @@
 """The folder that stands in for a host's root: sysfs, procfs, /dev and the udev database as plain files and links.
 
 Everything is written through one class, so that three promises hold for every format: nothing is written outside the
-folder whatever a recording says, what is there already is kept (the richer recording is read first), and what was not
+folder whatever a recording has, what is there already is kept (the richer recording is read first), and what was not
 recorded as a file but worked out from another form of it (a udev property, a line of text) is listed as such.
 """
 
@@ -102,7 +102,7 @@ class Tree:
         disk: bool = False,
         bus: bool | None = None,
     ) -> None:
-        """The links by which the kernel shows a device under its bus or class; ``bus`` overrules what the name says."""
+        """The links by which the kernel shows a device under its bus or class; ``bus`` overrules the name."""
         if not subsystem or subsystem == "drivers" or "/drivers/" in devpath or "/module/" in devpath:
             return
         path, name = "sys" + devpath, last(devpath)

@@ -9,7 +9,7 @@ _ID = re.compile(r"[0-9a-fA-F]{4}")
 
 
 def load(tree: Tree, text: str) -> int:
-    """Write the USB device, where the dump tells its ids; 1 or 0."""
+    """Write the USB device, where the dump has its ids; 1 or 0."""
     values = dict(re.findall(r"^([a-z][\w.-]+): ?(.*)$", text, re.M))
     tree.write("run/recorded/nut.txt", text)
     vendor, product = (

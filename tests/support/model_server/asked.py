@@ -22,7 +22,7 @@ IN_PATH = re.compile(r"models/([^:/]+)")
 
 @dataclass(frozen=True)
 class Tool:
-    """A tool that the client has told of; ``schema`` is that of its arguments."""
+    """A tool that the client has declared; ``schema`` is that of its arguments."""
 
     name: str
     schema: dict[str, Any]

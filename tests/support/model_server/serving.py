@@ -83,7 +83,7 @@ class ModelServer(ThreadingHTTPServer):
         self.server_close()
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A client that goes away in the middle is part of the tests; anything else is told."""
+        """A client that goes away in the middle is part of the tests; anything else is reported."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -203,7 +203,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.wfile.write(data[half:])
 
     def _go_on(self, turn: Turn) -> bool:
-        """In the middle of a reply: stall or close, as the turn says; False when it ends here."""
+        """In the middle of a reply: stall or close, as the turn orders; False when it ends here."""
         self._wait(turn.get("stall", 0))
         if turn.get("drop") == "mid" or self.server.stopping.is_set():
             self._cut()

@@ -53,7 +53,7 @@ class Spent:
 
 @dataclass(frozen=True)
 class Reply:
-    """What the model says to one request."""
+    """The model's reply to one request."""
 
     id: str
     model: str

@@ -1,4 +1,4 @@
-"""What an agent may not touch is put back and told; what a person may have done meanwhile is told and left."""
+"""What an agent may not touch is put back and reported; what a person may have done meanwhile is reported and left."""
 
 import os
 import sys
@@ -125,7 +125,7 @@ def test_a_state_folder_that_a_person_keeps_elsewhere_stays_a_link(project: Path
 
 
 def test_what_is_undone_is_kept_for_whoever_wrote_it(project: Path, tmp_path_factory: pytest.TempPathFactory) -> None:
-    """A person may have saved a file while an agent ran; nobody can tell who it was, so nothing is lost."""
+    """A person may have saved a file while an agent ran; the author is unknown, so nothing is lost."""
     outside = tmp_path_factory.mktemp("installed") / "identify.md"
     outside.write_text("the spec\n")
     seen = file_integrity.begin(

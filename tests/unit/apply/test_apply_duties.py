@@ -1,4 +1,4 @@
-"""What an agent of the daemon is given, how its end is told, and the way back that is kept for each repair."""
+"""What an agent of the daemon is given, how its end is reported, and the way back that is kept for each repair."""
 
 import json
 from collections.abc import Mapping

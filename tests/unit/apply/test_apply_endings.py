@@ -1,4 +1,4 @@
-"""How the end of a run is told to a person, and which ends make another attempt useless."""
+"""How the end of a run is reported to a person, and which ends make another attempt useless."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""What is guarded is as it was after an attempt, whichever folder above it was changed; a stranger is told and left."""
+"""What is guarded is as it was after an attempt, whichever folder above it was changed; foreign files are left."""
 
 import shutil
 from pathlib import Path
@@ -27,7 +27,7 @@ class Room:
         return begin(self.project, Guarded([self.file, self.absent], [self.tree], home=self.home))
 
     def end(self, watch: Watch) -> dict[str, str]:
-        """Severity of what is told, by path."""
+        """Severity of what is reported, by path."""
         found = end(watch, self.home.parent / "undone")
         assert {item.code for item in found} <= {"APPLY-OUTSIDE-WRITE"}
         assert self.file.read_text() == "as it was" and not self.absent.exists()

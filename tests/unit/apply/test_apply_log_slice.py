@@ -1,4 +1,4 @@
-"""The logs as an agent of the daemon is told of them: bounded, errors kept, and nothing in them that acts."""
+"""The logs as an agent of the daemon gets them: bounded, errors kept, and nothing in them that acts."""
 
 import json
 from pathlib import Path

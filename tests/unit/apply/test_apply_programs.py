@@ -1,4 +1,4 @@
-"""Programs that a server starts by its own choice: one that is not here is told before the server is accepted."""
+"""Programs that a server starts by its own choice: one that is not here is reported before the server is accepted."""
 
 import sqlite3
 from contextlib import closing

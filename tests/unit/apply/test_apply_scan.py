@@ -1,4 +1,4 @@
-"""The host's own scan where it comes to nothing: told, and no reason to refuse what another agent wrote."""
+"""The host's own scan where it fails: reported, and no reason to refuse what another agent wrote."""
 
 from types import SimpleNamespace
 from typing import Any

@@ -59,7 +59,7 @@ def write(bus: ServoBus, number: int, address: int, size: int, value: int) -> No
 class Arm:
     """The arm's tools as somebody may write them who trusts acknowledgements; ``before`` is what goes out first.
 
-    ``keeps`` is what the tool says that does not set the torque.
+    ``keeps`` is the answer of the tool that does not set the torque.
     """
 
     time: Time
@@ -123,7 +123,7 @@ def tried(arm: Arm, joint: str = "elbow_flex", by: float = 200) -> Tried:
 
 
 def restored(arm: Arm, joint: str = "elbow_flex", value: str = "/torque") -> Tried:
-    """A trial that says how the torque is put back."""
+    """A hardware test that defines how the torque is put back."""
     given = {"joint": joint}
     back = {
         "read": {"tool": "arm_read_joint", "arguments": given, "value": value},

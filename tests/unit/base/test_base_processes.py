@@ -1,4 +1,4 @@
-"""What the kernel tells of a process: a name that looks like the line itself, a zombie, one that stands still, none."""
+"""The kernel's facts of a process: a name that looks like the line itself, a zombie, one that is stopped, none."""
 
 import os
 import select

@@ -1,4 +1,4 @@
-"""A serial number proves one unit only where nobody would have typed it; a default proves nothing."""
+"""A serial number proves one unit only where no one would have typed it; a default proves nothing."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""The embedded agent on hosts that nobody recorded: nothing of its own is refused, and what shows is made use of.
+"""The embedded agent on hosts without a recording: nothing of its own is refused, and what shows is made use of.
 
 `make recordings` takes ten thousand devices; here are a few of each kind.
 """

@@ -1,4 +1,4 @@
-"""Whatever a device says of itself, the contracts accept what the embedded agent writes of it."""
+"""Whatever the strings of a device, the contracts accept what the embedded agent writes of it."""
 
 import json
 from pathlib import Path

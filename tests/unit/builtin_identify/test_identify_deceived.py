@@ -67,7 +67,7 @@ def told(maker: str, product: str, *lines: str, **more: Any) -> dict[str, Any]:
         ("Vole", "2.4GHz Transceiver v8.0", KEYS, "keyboard"),
         ("ABC FOR UPS", "ABC FOR UPS", UPS, "ups"),
         ("Reed", "Reed Power 700", UPS, "ups"),  # sold under many names with the same strings
-        ("Finch", "Probe 9 (03.00) Embed with CMSIS-DAP", (*ACM, *DISK), "debugger"),  # of the board it says nothing
+        ("Finch", "Probe 9 (03.00) Embed with CMSIS-DAP", (*ACM, *DISK), "debugger"),  # it does not name the board
         ("Kestrel", "Kestrel_Android", ("interface 00: class 06/01/01",), "phone"),
         ("Tern", "BC USB to ATA/ATAPI Bridge", DISK, "storage"),
     ],

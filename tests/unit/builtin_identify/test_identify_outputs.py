@@ -27,7 +27,7 @@ def test_a_receiver_of_the_kernels_class_is_read() -> None:
 @pytest.mark.parametrize(
     ("lines", "more"),
     [
-        (("product: Demo board", *CDC), {"nodes": PORT}),  # nothing says that it is a receiver
+        (("product: Demo board", *CDC), {"nodes": PORT}),  # nothing shows that it is a receiver
         (("product: Demo GPS", "interface 00: class ff/00/00 driver=cp210x"), {"nodes": (("tty", "ttyUSB0"),)}),
         (("product: Demo GNSS receiver", *CDC), {}),  # no driver has made a port of it
         (("product: Demo LTE GNSS modem", *CDC), {"nodes": (*PORT, ("net", "wwan0"))}),

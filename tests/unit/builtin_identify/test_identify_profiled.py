@@ -18,7 +18,7 @@ ARM, RAIL = "so-arm101", "camera-rail"
 
 
 def agent(artifact: Mapping[str, Any], answers: Mapping[str, str] | None = None) -> dict[str, dict[str, Any]]:
-    """What the agent says of each device, as octoform gives it the profiles; the contract has nothing against it."""
+    """The agent's annotation of each device, as octoform gives it the profiles; the contract has nothing against it."""
     held = [(profile, devices_of(profile, artifact, answers or {})) for profile in PROFILES]
     task = [for_task(profile, ids) for profile, ids in held if ids]
     found = identify(dict(artifact), NO_DATABASES, task)

@@ -1,4 +1,4 @@
-"""What IDENTIFY touches (its input, its output and the id files, nothing else), and that it always says the same."""
+"""What IDENTIFY touches (its input, its output and the id files, nothing else), and that its output is constant."""
 
 import json
 import os

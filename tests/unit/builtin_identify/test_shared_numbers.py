@@ -1,4 +1,4 @@
-"""Numbers that sit on many products: who answers to them is told by the strings, never by the number.
+"""Numbers that sit on many products: the strings identify the device, never the number.
 
 Every row is a vendor:product pair that is known to be shared: a bridge chip's, a firmware example's, a controller's
 that any brand may buy. The products and the id database are invented. For each row: two products under one number are
@@ -102,7 +102,7 @@ SHARED = (
     _of("keyboard", "258a", "0001", "SINO WEALTH", "USB KEYBOARD"),
 )
 IDS = [f"{row.vid}-{row.pid}" for row in SHARED]
-# A product of which the interface class says nothing is told by a word for what it does.
+# A product without a telling interface class is identified by a word for what it does.
 ONE, OTHER = ("Heron Works", "Heron Humidity H70"), ("Plover", "Plover Lamp P90")
 
 

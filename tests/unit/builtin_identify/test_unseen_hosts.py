@@ -1,7 +1,7 @@
 """Hosts of kinds that no recording shows, with what is true of each device: none misnamed, none guessed at, all served.
 
-A name is right when it has the words that are true and no other maker or model; "" is a device of which nobody can
-tell what it is.
+A name is right when it has the words that are true and no other maker or model; "" is a device of which no one can
+know what it is.
 """
 
 from pathlib import Path

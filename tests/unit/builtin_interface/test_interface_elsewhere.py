@@ -1,4 +1,4 @@
-"""What macOS reports is not told to lack something of a Linux kernel."""
+"""What macOS reports is not reported as lacking something of a Linux kernel."""
 
 from typing import Any
 

@@ -62,7 +62,7 @@ def test_a_tool_that_hangs_is_killed_with_all_its_children(tool: Tool, tmp_path:
     alive = os.open(tmp_path / "alive", os.O_RDONLY | os.O_NONBLOCK)
     started = time.monotonic()
     try:
-        # Each process of the tool holds the pipe's other end open, so that its end tells of all of them.
+        # Each process of the tool holds the pipe's other end open, so that its end shows the end of all.
         assert asked(tool(f"exec 3>{tmp_path}/alive; echo here >&3; {script}"), 0.5)[:2] == (
             "timeout",
             "no answer in time",

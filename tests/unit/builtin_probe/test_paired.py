@@ -49,7 +49,7 @@ def record(root: Path, **outputs: str) -> None:
 
 
 def with_bluetooth(root: Path) -> Path:
-    """The host with an adapter and two paired devices: one that the tool tells of, one in the service's files."""
+    """The host with an adapter and two paired devices: one that the tool lists, one in the service's files."""
     adapter = root / "sys/devices/platform/box/bluetooth/hci0"
     adapter.mkdir(parents=True)
     (root / "sys/class/bluetooth").mkdir(parents=True)

@@ -75,7 +75,7 @@ SET_CONFIG, GET_VALUES = number(3, Config, 0x0D), number(3, Values, 0x0E)
 
 @dataclass
 class Line:
-    """One line: what is wired to it gives ``pull`` while nobody drives it."""
+    """One line: what is wired to it gives ``pull`` while it is not driven."""
 
     name: str = ""
     consumer: str = ""

@@ -57,7 +57,7 @@ def declared(module: Any) -> dict[str, dict[str, Any]]:
 
 
 def bare(schema: Any) -> Any:
-    """A schema without what says nothing about values."""
+    """A schema without annotations."""
     if isinstance(schema, dict):
         return {key: bare(value) for key, value in schema.items() if key != "$comment" and not _is_title(key, value)}
     return [bare(item) for item in schema] if isinstance(schema, list) else schema

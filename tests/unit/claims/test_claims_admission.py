@@ -65,7 +65,7 @@ def test_what_does_not_hold_at_the_cited_reading_or_at_a_newer_one_is_refused(be
     bench.clock.now += 1
     hot = bench.read(70)
     bench.clock.now += 1
-    bench.read(None, why="the bus is silent")  # what cannot be read says nothing
+    bench.read(None, why="the bus is silent")  # an unreadable value is no evidence
     assert bench.code(hot) == ""
 
 
@@ -169,7 +169,7 @@ def test_what_has_always_been_so_restricts_nothing_without_a_person(bench: Bench
     always = bench.read(30, load())
     assert bench.code(always, signal=load(), value=-1000) == "CLAIM-ALWAYS-SO"
     assert bench.code(always, signal=load(), value=-1000, restrictions=()) == ""
-    failing = Signal(Channel.LOG, "arm_move_joint", "/ok")  # says by itself what is good
+    failing = Signal(Channel.LOG, "arm_move_joint", "/ok")  # defines by itself what is good
     assert bench.code(bench.read(False, failing), signal=failing, op="==", value=False) == ""
 
 

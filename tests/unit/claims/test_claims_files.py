@@ -300,7 +300,7 @@ def test_a_folder_that_nobody_may_write_is_said_and_can_still_be_read(
 def test_nobody_waits_for_ever_for_a_process_that_stands_still_with_the_lock(
     bench: Bench, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Else whoever leaves one behind stops the daemon, and all of its repairs."""
+    """Else a leftover one stops the daemon, and all of its repairs."""
     monkeypatch.setattr(ledgers, "PATIENCE", 0.02)
     claim = bench.claim(bench.read(70))
     assert isinstance(claim, Claim)

@@ -71,7 +71,7 @@ class Told:
         return next((each for each in reversed(self.read) if each.signal == signal), None)
 
     def cites(self, numbers: list[int | str], signal: Signal) -> tuple[str, ...]:
-        """The ids that `CITES` means; one that nobody knows for readings before the first."""
+        """The ids that `CITES` means; an unknown one for readings before the first."""
         own = self.newest(signal)
         known: dict[int | str, str] = {number: each.id for number, each in enumerate(reversed(self.read))}
         known["own"] = "r-none" if own is None else own.id

@@ -1,4 +1,4 @@
-"""What the ledger is told of the deployment: the tools served now, and the bounds of profiles as plain values."""
+"""The ledger's settings of the deployment: the tools served now, and the bounds of profiles as plain values."""
 
 import json
 from pathlib import Path

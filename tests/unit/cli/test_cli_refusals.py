@@ -109,7 +109,7 @@ Answers = dict[tuple[str, str], tuple[int, str, str]]
 
 @pytest.fixture(scope="module")
 def strangers(bench: Launched) -> Answers:
-    """What another user is told: (closed folder, command) to exit status and the two streams."""
+    """What another user reads: (closed folder, command) to exit status and the two streams."""
     folder, found = bench.layout.project, {}
     for closed, mode in ((".octoform", 0o700), (".octoform/bench", 0o755)):
         (folder / ".octoform").chmod(mode)

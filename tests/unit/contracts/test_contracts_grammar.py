@@ -49,7 +49,7 @@ def judged(
     change: Callable[[Tools], Any] = lambda tools: None,
     before: Callable[[dict[str, dict[str, Any]]], Any] = lambda capabilities: None,
 ) -> list[str]:
-    """What is told of the changed tools of a profile, after an IDENTIFY whose capabilities are changed, too."""
+    """The diagnostics for the changed tools of a profile, after an IDENTIFY whose capabilities are changed, too."""
     profile = PROFILES[name]
     tools = {item["tool"]: tool(item) for item in commands(profile)}
     change(tools)
@@ -136,7 +136,7 @@ def test_what_differs_from_the_grammar_is_told(case: str) -> None:
     assert any(says in item for item in found), found
 
 
-# An artifact from before a profile was changed, or from before IDENTIFY was held to it: what it says of a capability.
+# An artifact from before a profile was changed, or from before IDENTIFY was held to it: its facts of a capability.
 OLD: dict[str, tuple[str, str, dict[str, Any]]] = {
     "a stop of a rail that is none": ("camera-rail", "rail_stop", {"stops": False}),
     "a stop of an arm that is none": ("so-arm101", "arm_stop", {"stops": False}),

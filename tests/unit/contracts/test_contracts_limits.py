@@ -10,7 +10,7 @@ from octoform.contracts.model import ProfileFacts
 
 
 def codes(*limits: dict[str, Any], own: list[dict[str, Any]] | None = None) -> list[str]:
-    """What the contract says when the lamp's profile has these limits and its tool ``own`` ones."""
+    """The diagnostics of the contract when the lamp's profile has these limits and its tool ``own`` ones."""
     ((name, facts),) = PROFILES.items()
     value = good("interface")
     del value["tools"][3]["limits"]

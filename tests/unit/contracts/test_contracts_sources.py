@@ -1,4 +1,4 @@
-"""A tool of several devices is read for each of them: those readings tell of the tool and of that device alone."""
+"""A tool of several devices is read for each of them: those readings are about the tool and that device alone."""
 
 from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.report_rules import Target, sources_of

@@ -1,4 +1,4 @@
-"""A camera and a device that is commanded on one hub are told; the machine's own ports do not count."""
+"""A camera and a device that is commanded on one hub are reported; the machine's own ports do not count."""
 
 from typing import Any
 

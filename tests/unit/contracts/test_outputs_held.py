@@ -30,7 +30,7 @@ MILD = (
     "a lamp that destroys",
     "an order in another voice",
 )
-"""What cannot be proved wrong is told and accepted."""
+"""What cannot be proved wrong is reported and accepted."""
 
 
 @pytest.fixture(scope="module")

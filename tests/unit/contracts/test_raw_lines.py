@@ -15,7 +15,7 @@ LINE = "usb-1234-0003"
 def found(
     classes: list[str], effect: str = "actuate", answers: dict[str, str] | None = None, **device: Any
 ) -> list[str]:
-    """The codes for a device with these classes of which an agent says that it can move a joint."""
+    """The codes for a device with these classes that an agent declares able to move a joint."""
     probe, value = copy.deepcopy(PROBE), copy.deepcopy(IDENTIFY)
     probe["devices"][3] |= {"classes": classes, "name": "Acme Arm", "raw_descriptor": "product: Acme Arm"}
     verb = "read" if effect == "read" else "move"

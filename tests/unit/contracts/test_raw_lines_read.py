@@ -116,7 +116,7 @@ def test_where_a_profile_is_at_hand_nothing_but_listening_goes_without_it() -> N
     assert "leave it out" in str(found.hint) and "profiles: [acme-arm]" in str(found.hint)
 
 
-# What the device says of itself, the class that is written down for it, and whether that bears out a reading.
+# The device's strings, the class that is written down for it, and whether that bears out a reading.
 SAID_OF_ITSELF = (
     ("product: Nano Connect", "sensor", False),
     ("manufacturer: Acme\nproduct: Nano 33", "weather_station", False),
@@ -215,7 +215,7 @@ def test_a_capability_is_left_out_as_unsafe_alone_or_with_its_device() -> None:
 
 
 _ARM = {"tool": "read_angle", "effect": "read", "parameters": {}}
-# What is known of the line, and what the finding says; None where the reason is accepted.
+# What is known of the line, and the text of the finding; None where the reason is accepted.
 UNSAFE: dict[str, tuple[dict[str, Any], str | None]] = {
     "a line that no one knows": ({}, None),
     "such a line beside a class": ({"classes": ["tty", "video4linux"]}, None),

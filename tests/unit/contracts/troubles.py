@@ -1,4 +1,4 @@
-"""Five troubles of a bench as WATCH is told of them: what the daemon saw, with no word of what it means."""
+"""Five problems of a bench as WATCH gets them: what the daemon saw, with no word of what it means."""
 
 from collections.abc import Mapping
 from typing import Any

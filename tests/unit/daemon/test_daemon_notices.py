@@ -1,4 +1,4 @@
-"""Who hears of a trouble: nobody holds the daemon up, nothing is lost in silence, and no secret is ever told."""
+"""Delivery of alerts: no receiver holds the daemon up, nothing is lost in silence, and no secret is ever sent."""
 
 import json
 import os
@@ -30,7 +30,7 @@ def layout(tmp_path: Path) -> Layout:
 
 
 def told(notifier: Notifier) -> None:
-    """Everything that waits is told."""
+    """Everything that waits is delivered."""
     notifier.close(30.0)
 
 

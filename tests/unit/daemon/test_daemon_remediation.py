@@ -1,4 +1,4 @@
-"""What a person is told to do is the same command wherever it is told."""
+"""A problem's remedy is the same command in every view."""
 
 import io
 from pathlib import Path

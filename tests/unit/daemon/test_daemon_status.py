@@ -240,7 +240,7 @@ def test_what_a_person_lets_try_again_during_a_repair_leaves_no_entry_without_a_
 
 
 def test_it_can_be_read_in_time(watched: Layout) -> None:
-    """A person at night waits for it: what a fresh daemon says takes no manifest and no look."""
+    """A person at night waits for it: the status of a fresh daemon takes no manifest and no look."""
     wrote(watched, health())
     began = time.process_time()
     survey(watched.project, {})

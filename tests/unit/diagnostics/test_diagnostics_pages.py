@@ -25,7 +25,7 @@ class Found:
     patterns: list[re.Pattern[str]] = field(default_factory=list)
 
     def look_at(self, node: ast.AST) -> None:
-        """Take what one node of a source says."""
+        """Take the text of one node of a source."""
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in MAKERS and node.args:
             # Codes that are passed to a maker of diagnostics as they stand.
             given = node.args[1] if node.func.id == "Diagnostic" and len(node.args) > 1 else node.args[0]

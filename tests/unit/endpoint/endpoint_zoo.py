@@ -85,4 +85,4 @@ TOOLS = (
     {**PLAIN, "name": "mover", "effect": "actuate"},
     {**PLAIN, "name": "promised", "devices": ["other"]},
 )
-"""What the interface says: it knows no ``extra``, and promises one tool that the server lacks."""
+"""The interface: it knows no ``extra``, and promises one tool that the server lacks."""

@@ -170,7 +170,7 @@ def test_a_call_outside_the_log_is_an_error(zoo: Seen) -> None:
 
 def test_another_set_of_tools_is_an_error(zoo: Seen) -> None:
     (problem,) = [item for item in zoo[1] if item.code == "ENDPOINT-TOOLS-DIFFER"]
-    # What INTERFACE does not name is served to nobody.
+    # What INTERFACE does not name is not served.
     assert problem.detail == "missing: promised"
 
 

@@ -1,4 +1,4 @@
-"""One process per host: started once, proved to be it, ended first gently, and nobody else ever touched."""
+"""One process per host: started once, proved to be it, ended first gently, and no other process ever touched."""
 
 import asyncio
 import contextlib

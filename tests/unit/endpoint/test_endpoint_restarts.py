@@ -1,4 +1,4 @@
-"""Clients go on over the end of their endpoint: the next call works, and no device is told anything twice."""
+"""Clients go on over the end of their endpoint: the next call works, and no device gets an order twice."""
 
 import asyncio
 import contextlib
@@ -93,7 +93,7 @@ async def connected(endpoint: Launched, era: str, **options: Any) -> AsyncIterat
 
 @in_a_loop
 async def test_the_next_call_works_without_connecting_again(endpoint: Launched) -> None:
-    """For clients of both eras, whose endpoint is killed; those of the handshake are told that tools may be others."""
+    """For clients of both eras, whose endpoint is killed; those of the handshake are notified of changed tools."""
     found = asyncio.Event()
 
     async def heard(message: Any) -> None:
@@ -115,7 +115,7 @@ async def test_the_next_call_works_without_connecting_again(endpoint: Launched) 
 async def test_a_call_under_way_ends_with_a_clear_error_and_is_made_once(
     endpoint: Launched, folder: Path, era: str
 ) -> None:
-    """And where nobody starts the next one, the pipe does for the calls that wait, of which none is lost."""
+    """And where no process starts the next one, the pipe does for the calls that wait, of which none is lost."""
     async with connected(endpoint, era) as client:
         moving = asyncio.create_task(client.call_tool("move"))
         await until(folder / "moved")

@@ -203,7 +203,7 @@ def lines(its: socket.socket) -> Iterator[Any]:
 
 
 def test_a_message_of_which_an_endpoint_got_only_a_part_is_sent_to_the_next() -> None:
-    """Without its end no endpoint can have carried it out; with it, nobody sends it again."""
+    """Without its end no endpoint can have carried it out; with it, it is never sent again."""
     large = line({"id": 1, "method": "tools/call", "params": {"text": "x" * 3_000_000}})
     got: list[bytes] = []
 

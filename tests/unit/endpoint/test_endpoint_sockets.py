@@ -1,4 +1,4 @@
-"""A client that was never greeted was never taken: what a dying process leaves is told from what is slow."""
+"""A client that was never greeted was never taken: a dying process is distinguished from a slow one."""
 
 import os
 import select
@@ -40,7 +40,7 @@ def test_the_greeting_is_waited_for_and_taken_away(door: socket.socket, tmp_path
 
 @pytest.mark.parametrize("taken", [False, True])
 def test_what_ends_before_its_greeting_is_nothing(door: socket.socket, tmp_path: Path, taken: bool) -> None:
-    """The kernel connects also to who will never accept, and says so once the last owner of the socket is gone."""
+    """The kernel connects also to who will never accept, and reports it once the last owner of the socket is gone."""
 
     def die() -> None:
         select.select([door], [], [])

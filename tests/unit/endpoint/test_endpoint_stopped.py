@@ -1,4 +1,4 @@
-"""A stop lasts: no client, list or call brings back what a person stopped, unless it was told that it may."""
+"""A stop lasts: no client, list or call brings back what a person stopped, unless it was allowed to."""
 
 import asyncio
 import json

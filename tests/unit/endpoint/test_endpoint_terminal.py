@@ -77,7 +77,7 @@ WRONG: list[tuple[dict[str, Any], str, str]] = [
 
 
 class Somebody(Person):
-    """A person whose answer is known; keeps what they were asked and told."""
+    """A person whose answer is known; keeps questions and messages."""
 
     def __init__(self, answer: bool | None) -> None:
         self.answer = answer

@@ -1,4 +1,4 @@
-"""What a person is told of attempts: each one's end, also of those that never got a record; and nothing that acts."""
+"""The views of attempts: each one's end, also of those that never got a record; and nothing that acts."""
 
 import io
 import json

@@ -34,7 +34,7 @@ def test_plan_and_apply_name_the_stages_of_an_agent_without_sandbox(project: Pro
     assert "HARNESS-UNCONFINED" in done.codes()
     assert "runs without a sandbox" in project.run("plan").text
     record = json.loads((project.attempts("probe")[0] / "attempt.json").read_text())
-    assert record["unconfined"] == ""  # nobody asked for one
+    assert record["unconfined"] == ""  # none was requested
 
 
 def test_where_it_cannot_be_had_the_reason_is_given(project: Project, tmp_path: Path) -> None:

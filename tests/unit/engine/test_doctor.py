@@ -1,4 +1,4 @@
-"""What doctor says of programs, keys, APIs, models, prices and git, with real programs and APIs on loopback."""
+"""Doctor's findings on programs, keys, APIs, models, prices and git, with real programs and APIs on loopback."""
 
 import json
 import socket

@@ -41,7 +41,7 @@ HEAVY = ("pydantic", "ruamel", "jsonschema", "jinja2", "rich", "git", "fastmcp")
 
 @dataclass(frozen=True)
 class Bench:
-    """A project in which nothing is left to do, and whose memo says so."""
+    """A project in which nothing is left to do, and whose memo states it."""
 
     project: Path
     root: Path
@@ -347,4 +347,4 @@ def test_after_a_commit_it_tells_revision_and_dirty_files_as_the_long_way_does(
     assert capsys.readouterr().out == short
     bench.memo.with_suffix(".aside").rename(bench.memo)
     monkeypatch.setenv("PATH", "/nonexistent")
-    assert not bench.hit()  # git cannot be asked, so the long way tells that
+    assert not bench.hit()  # git cannot be asked, so a complete plan reports that

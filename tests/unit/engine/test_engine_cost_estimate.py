@@ -1,4 +1,4 @@
-"""A run with nobody there is begun only where what the hour has left is enough for all of it."""
+"""An unattended run is begun only where what the hour has left is enough for all of it."""
 
 from dataclasses import replace
 from types import SimpleNamespace

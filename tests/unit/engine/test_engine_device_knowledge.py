@@ -1,4 +1,4 @@
-"""Tiers, profiles and questions as the plan tells them: a device is asked about once, and what was said counts."""
+"""Tiers, profiles and questions as the plan shows them: a device is asked about once, and each answer counts."""
 
 from pathlib import Path
 from typing import Any

@@ -1,4 +1,4 @@
-"""Runs are compared by device and capability: a disagreement is told, another name for the same is a rename."""
+"""Runs are compared by device and capability: a disagreement is reported, another name for the same is a rename."""
 
 from typing import Any
 

@@ -21,7 +21,7 @@ DONE = DutyOutcome(ok=True, detail="done", changed=True)
 
 
 class Store:
-    """A state; ``found`` is what its commit says."""
+    """A state; ``found`` is its commit's message."""
 
     def __init__(self, *found: Diagnostic, unsettled: bool = True, nodes: dict[str, Any] | None = None) -> None:
         self.unsettled, self.snapshot, self._found = unsettled, SimpleNamespace(nodes=nodes or {}), found

@@ -1,4 +1,4 @@
-"""The one log of a host: every event a line; a disk that refuses stops no run and is told once."""
+"""The one log of a host: every event a line; a disk that refuses stops no run and is reported once."""
 
 import json
 import resource

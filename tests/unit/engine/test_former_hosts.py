@@ -1,4 +1,4 @@
-"""The endpoint of a host that the manifest no longer names: it is told, and can be stopped."""
+"""The endpoint of a host that the manifest no longer names: it is reported, and can be stopped."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a plan says, to a person and to a program, for one situation after another; see `plan_cases`."""
+"""The text of a plan, to a person and to a program, for one situation after another; see `plan_cases`."""
 
 from pathlib import Path
 

@@ -54,7 +54,7 @@ def script(path: Path, code: str, values: Mapping[str, str]) -> Path:
 
 @dataclass
 class Machine:
-    """The folder of its programs, what npm was asked for, what a person was told, what the index was asked for."""
+    """The folder of its programs, what npm was asked for, the messages to a person, what the index was asked for."""
 
     folder: Path
     said: list[str] = field(default_factory=list)
@@ -80,7 +80,7 @@ class Machine:
         script(self.folder / "bin" / "node", NODE, {"VERSION": version})
 
     def npm(self, code: str = "put()", path: Path | None = None) -> None:
-        """Give it an npm that does what ``code`` says; ``put()`` installs what was asked for."""
+        """Give it an npm that runs ``code``; ``put()`` installs what was asked for."""
         program = PROGRAM % (RECORD, str(self.folder / "starts"), RECORD)
         values = {
             "HEAD": head("-IS"),

@@ -1,4 +1,4 @@
-"""What a retry is told of a log, with a completion of the test's own making."""
+"""The excerpt of a log for a retry, with a completion of the test's own making."""
 
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a failed request means by its words and its status, whichever program tells of it."""
+"""What a failed request means by its words and its status, whichever program reports it."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""The table of docs/agents.md says of each program what its adapter says."""
+"""The table of docs/agents.md has for each program what its adapter has."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Installing a program: whole or not at all, with the right npm and node, whoever else does it and wherever it ends."""
+"""Installing a program: whole or not at all, with the right npm and node, despite others and interruptions."""
 
 import json
 import os

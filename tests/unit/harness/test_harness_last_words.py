@@ -1,4 +1,4 @@
-"""How a program that failed by itself is told of: the limit that it met, or what it complained of last."""
+"""The reason for a program that failed by itself: the limit that it met, or what it complained of last."""
 
 from pathlib import Path
 

@@ -32,7 +32,7 @@ def claude(home: Path, seconds: float, **more: Any) -> dict[str, str]:
 
 
 def codex(home: Path, seconds: float) -> dict[str, str]:
-    """Codex's file; its token says by itself when it ends."""
+    """Codex's file; its token has its own expiry."""
     claims = base64.urlsafe_b64encode(json.dumps({"exp": NOW + seconds}).encode()).decode().rstrip("=")
     tokens = {"id_token": "id-1", "access_token": f"h.{claims}.s", "refresh_token": "rt-1", "account_id": "account-7"}
     return kept(home, ".codex/auth.json", {"auth_mode": "chatgpt", "OPENAI_API_KEY": None, "tokens": tokens})

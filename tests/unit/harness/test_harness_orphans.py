@@ -92,7 +92,7 @@ def test_what_both_deaths_leave_is_swept_and_nothing_else(tmp_path: Path) -> Non
             os.kill(record.pid, signal.SIGKILL)
         until(lambda: not is_alive(record.pid, record.start))
         assert all(alive(member) for member in members)
-        # A record whose process id belongs to somebody else by now: its mark is nobody's.
+        # A record whose process id belongs to another process by now: its mark is stale.
         other.mkdir()
         orphans.write(other, Record(processes.new(), bystander.pid, 1))
         swept = orphans.sweep(attempts)

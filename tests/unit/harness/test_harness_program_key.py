@@ -1,4 +1,4 @@
-"""A key that is none is told before anything is started, in octoform's own words."""
+"""A key that is none is reported before anything is started, in octoform's own words."""
 
 from dataclasses import replace
 from pathlib import Path

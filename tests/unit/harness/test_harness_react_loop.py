@@ -1,4 +1,4 @@
-"""The small agent's loop with a model of the test's own making: when it goes on, what it says, when it ends."""
+"""The small agent's loop with a model of the test's own making: when it goes on, what it reports, when it ends."""
 
 import io
 import json

@@ -76,7 +76,7 @@ Play = Callable[..., tuple[Outcome, Task, list[tuple[AgentEvent, float, Usage]]]
 
 @pytest.fixture
 def play(tmp_path: Path) -> Play:
-    """``play(folder, attempt)`` runs the harness on a task; outcome, task and the events that it told."""
+    """``play(folder, attempt)`` runs the harness on a task; outcome, task and the events that it sent."""
 
     def run(folder: Path, attempt: int = 1, stage: str = "probe") -> Any:
         harness = resolve(HarnessSpec("replay", recording=folder), {})

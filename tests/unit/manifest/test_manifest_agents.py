@@ -1,4 +1,4 @@
-"""What a loaded manifest says of its agents: which one, with which model and key, at whose expense."""
+"""The agents of a loaded manifest: which one, with which model and key, at whose expense."""
 
 from collections.abc import Mapping
 from pathlib import Path

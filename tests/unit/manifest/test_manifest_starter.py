@@ -1,4 +1,4 @@
-"""`init`: a first manifest that is valid, tells everything, and replaces nothing."""
+"""`init`: a first manifest that is valid, explains everything, and replaces nothing."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a loaded manifest says: defaults, stages laid over general settings, digests, references."""
+"""The values of a loaded manifest: defaults, stages laid over general settings, digests, references."""
 
 import os
 import re
@@ -89,7 +89,7 @@ def test_what_the_daemon_is_told(tmp_path: Path) -> None:
 
 
 def test_who_keeps_watch(tmp_path: Path) -> None:
-    """As the general agent does, unless it says otherwise; a recording knows no later troubles."""
+    """As the general agent does, unless set otherwise; a recording knows no later troubles."""
     text = "version: 1\nharness: pi\nmodel: openai/a\nstages: {heal: {model: ollama/b, budget: {attempts: 1}}}\n"
     manifest = loaded(tmp_path, text, OPENAI_API_KEY="x")
     assert [(manifest.harness_for(name).name, manifest.model_for(name)) for name in KEEPERS] == [

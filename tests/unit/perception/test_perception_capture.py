@@ -1,4 +1,4 @@
-"""A picture is taken through a live endpoint and looked into; each way to have none is told apart."""
+"""A picture is taken through a live endpoint and looked into; each way to have none is reported apart."""
 
 import base64
 import struct

@@ -1,4 +1,4 @@
-"""Two pictures at most, every absence with its reason, and a summary that says nothing of what no picture shows."""
+"""Two pictures at most, every absence with its reason, and a summary without what no picture shows."""
 
 import json
 import stat

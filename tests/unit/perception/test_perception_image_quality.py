@@ -1,4 +1,4 @@
-"""Pictures that show nothing are told, a new picture is told from an old one, and light alone is no change."""
+"""Pictures that show nothing are reported, new ones differ from old ones, and light alone is no change."""
 
 import random
 from collections.abc import Callable

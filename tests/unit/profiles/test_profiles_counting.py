@@ -1,4 +1,4 @@
-"""A line protocol that cannot tell where it is nor stop: what its grammar says of both, and what is refused."""
+"""A line protocol that can neither report its position nor stop: its definition of both, and what is refused."""
 
 from pathlib import Path
 

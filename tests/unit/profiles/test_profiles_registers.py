@@ -155,7 +155,7 @@ def test_an_agent_that_reads_prose_is_told_product_and_rig_apart() -> None:
 
 
 def test_every_bound_of_the_grammar_is_a_limit_of_the_profile() -> None:
-    """What an author wrote is kept, in the author's unit; what nobody wrote is bounded all the same."""
+    """What an author wrote is kept, in the author's unit; what no one wrote is bounded all the same."""
     assert good().limits == (
         {"tool": "pump_turn", "parameter": "position", "maximum": 900, "unit": "counts"},
         {"parameter": "position", "minimum": -1000, "unit": "counts"},

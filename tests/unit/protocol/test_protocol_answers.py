@@ -1,4 +1,4 @@
-"""A person's answers in a prompt: told to IDENTIFY alone, one line a device, as data that cannot end its fence."""
+"""A person's answers in a prompt: given to IDENTIFY alone, one line a device, as data that cannot end its fence."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""The specs of WATCH and HEAL: read and checked like the others, told to agents, and no part of any plan."""
+"""The specs of WATCH and HEAL: read and checked like the others, given to agents, and no part of any plan."""
 
 import shutil
 from pathlib import Path

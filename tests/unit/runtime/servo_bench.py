@@ -72,7 +72,7 @@ class Bench:
         registers._known.pop(self.device, None)
 
     def sleep(self, seconds: float) -> None:
-        assert not self.held or seconds <= registers.PAUSE  # nobody waits for a movement with the bus held
+        assert not self.held or seconds <= registers.PAUSE  # no wait for a movement with the bus held
         self.now += seconds
         for waiting in (self.signals, self.events):
             while (waiting is self.signals or not self.held) and (

@@ -1,4 +1,4 @@
-"""Which specimen an id is: twins are told apart by number or place, and what moves something is never guessed."""
+"""Which unit an id is: twins are distinguished by number or place, and what moves something is never guessed."""
 
 from collections.abc import Callable
 from pathlib import Path

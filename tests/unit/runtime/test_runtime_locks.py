@@ -25,7 +25,7 @@ with runtime.bus(sys.argv[1]):
 
 @pytest.fixture(autouse=True)
 def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Locks of this test only; other processes of the test use names that nobody else has."""
+    """Locks of this test only; other processes of the test use names of their own."""
     monkeypatch.setattr(devices, "_folder", lambda: tmp_path)
     return tmp_path
 

@@ -57,7 +57,7 @@ def folder() -> Iterator[Path]:
 
 
 def as_user(kind: str, path: Path, groups: list[int]) -> list[dict[str, Any]]:
-    """What an ordinary user with these groups is told, from a process of its own."""
+    """The answer for an ordinary user with these groups, from a process of its own."""
     reader, writer = os.pipe()
     child = os.fork()
     if child == 0:

@@ -1,4 +1,4 @@
-"""Nothing moves on that nobody watches: calls that are given up, units that fail on their way. No real time passes."""
+"""Nothing moves on unsupervised: calls that are given up, units that fail on their way. No real time passes."""
 
 import os
 from pathlib import Path

@@ -204,7 +204,7 @@ def test_the_doors_of_a_process_outlive_a_shortage(tmp_path: Path) -> None:
 
 
 def test_a_door_that_ends_ends_the_process(tmp_path: Path) -> None:
-    """Its successor can own the devices; a process that nobody reaches would only keep them."""
+    """Its successor can own the devices; an unreachable process would only keep them."""
 
     async def scenario() -> None:
         with launched(tmp_path, SOURCE, TOOLS) as endpoint:

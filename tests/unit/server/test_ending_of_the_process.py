@@ -1,4 +1,4 @@
-"""What moves when the process is told to end may first make its device stand."""
+"""What moves when the process gets a signal to end may first make its device stand."""
 
 import asyncio
 from pathlib import Path

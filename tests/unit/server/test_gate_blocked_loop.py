@@ -1,4 +1,4 @@
-"""What blocks the event loop, in a real process: the other clients are answered again, and nobody else is hit."""
+"""What blocks the event loop, in a real process: the other clients are answered again, and no one else is hit."""
 
 import asyncio
 import os

@@ -1,4 +1,4 @@
-"""Whoever may not know of a tool does not learn its name, nor its caller's, from a bus that the tool holds."""
+"""A caller that may not know of a tool does not learn its name, nor its caller's, from a bus that the tool holds."""
 
 import threading
 from pathlib import Path

@@ -34,7 +34,7 @@ async def full(monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[None]:
 
 
 def peek() -> str:
-    """What the log says while a reading runs."""
+    """The log while a reading runs."""
     return (place[-1] / "log" / "audit.jsonl").read_text()
 
 

@@ -103,7 +103,7 @@ def test_a_restricted_call_is_refused_until_its_moment_and_both_are_on_the_audit
         text = await said(gate, mode, "move", {"joint": "elbow"})
         assert "c1" in text and "the elbow is hot" in text and "2026-11-22T16:30:00Z" in text
         assert await said(gate, mode, "move", {"joint": "wrist"}) == "ok"
-        clock.now += 60  # nobody wrote anything
+        clock.now += 60  # nothing was written
         assert await said(gate, mode, "move", {"joint": "elbow"}) == "ok"
         events = [each["event"] for each in gate.records() if each["event"].startswith("restriction")]
         assert events == ["restriction", "restriction_over"]
@@ -191,7 +191,7 @@ def home() -> str:
 
 
 def lamp() -> str:
-    """Light a lamp of the device, or so it says."""
+    """Light a lamp of the device, by its description."""
     moved.append("lamp")
     return "done"
 
@@ -241,7 +241,7 @@ def test_a_restriction_of_a_unit_holds_for_every_tool_that_acts_on_it(tmp_path: 
                 assert "elbow of arm" in text
             for name, given in [*free, ("stop", {})]:
                 assert await said(gate, "auto", name, given) == "ok", name
-            path.unlink()  # nobody took it back
+            path.unlink()  # it was not withdrawn
             assert "disable_unit" in await said(gate, "auto", "home")
             path.write_text(json.dumps({"format": 1, "boot": "b", "restrictions": []}))
             assert await said(gate, "auto", "home") == "ok"

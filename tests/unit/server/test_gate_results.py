@@ -1,4 +1,4 @@
-"""What comes back: bounded, as the schema says, with no word of the inside, and with signs of life on the way."""
+"""What comes back: bounded, by the schema, without internals, and with signs of life on the way."""
 
 import asyncio
 import json

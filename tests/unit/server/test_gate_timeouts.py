@@ -124,7 +124,7 @@ def test_a_call_that_cannot_be_stopped_holds_its_bus_and_nothing_else(tmp_path: 
             waiting = asyncio.create_task(error(other, "quick"))
             await until(gate.gate.stuck)
             assert gate.gate.stuck()[0]["tool"] == tool.__name__ and gate.gate.stuck()[0]["buses"] == ["rail"]
-            # Who waited already hears it as soon as whoever comes now, long before the 10 s of the waiting call.
+            # Who waited already hears it as soon as a new caller, long before the 10 s of the waiting call.
             before = time.monotonic()
             for text in (await waiting, await error(other, "quick"), await error(client, tool.__name__)):
                 assert f"rail is held by a call of {tool.__name__} that did not return" in text
@@ -260,7 +260,7 @@ def test_calls_that_hang_take_no_threads_from_the_others(tmp_path: Path) -> None
 
 
 def late_interrupts() -> int:
-    """Ends in the very moment in which it is told to stop, again and again."""
+    """Ends in the very moment in which it gets the order to stop, again and again."""
     time.sleep(0.02)
     return 3
 

@@ -47,7 +47,7 @@ def arm_read() -> str:
 
 
 def tool(function: Callable[..., Any], effect: str = "actuate", **more: Any) -> dict[str, Any]:
-    """What INTERFACE says of it."""
+    """Its entry in INTERFACE."""
     name = function.__name__
     return {"name": name, "capability": name, "effect": effect, "devices": ["arm"], "input_schema": {}, **more}
 

@@ -1,7 +1,7 @@
 """The rail's limits, enforced where the generated server has no say: whatever is called, the hardware stays within.
 
 Profile, interface and policy become the endpoint's policy as they do in an apply; in front of a firmware that moves as
-it is told stands a server that checks nothing.
+it gets is a server that checks nothing.
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ class Endpoint:
         self.start()
 
     def start(self) -> None:
-        """Begin with what the file says was counted."""
+        """Begin with the counts in the file."""
         self.ledger = Ledger(self.policy, self._path, lambda: 1.0)
 
     def call(self, tool: str, **arguments: Any) -> str:
@@ -104,7 +104,7 @@ def test_the_way_back_counts_from_home_and_not_from_before(tmp_path: Path) -> No
 
 
 def test_moves_that_fail_are_reckoned_with_both_ways(tmp_path: Path) -> None:
-    """The firmware says that it did not move: counted as moved, the way back would be twice as long."""
+    """The firmware reports that it did not move: counted as moved, the way back would be twice as long."""
     endpoint = Endpoint(tmp_path)
     endpoint.rail.jammed = True
     assert endpoint.call("rail_move_x", steps=MOST).startswith("ERR")

@@ -52,7 +52,7 @@ RULES = rules()
 
 
 class Arm:
-    """Joints that move as they are told, and in part or not at all when a call fails; nothing is too far for them."""
+    """Joints that move as ordered, and in part or not at all when a call fails; nothing is too far for them."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -61,7 +61,7 @@ class Arm:
         self.start()
 
     def start(self) -> None:
-        """Begin with what the file says was counted."""
+        """Begin with the counts in the file."""
         self.ledger = Ledger(RULES, self._path, lambda: 1.0)
 
     def call(self, tool: str, arguments: Mapping[str, Any], done: Fraction, well: bool) -> bool:

@@ -1,4 +1,4 @@
-"""What tools/list says: order, hints, effect classes, absent devices, and what it leaves out."""
+"""The content of tools/list: order, hints, effect classes, absent devices, and what it leaves out."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Clients of the Unix socket by themselves: greeted, told when they are too many, sent away when they do not read."""
+"""Clients of the Unix socket by themselves: greeted, refused when they are too many, dropped when they do not read."""
 
 import asyncio
 import contextlib
@@ -148,7 +148,7 @@ def test_a_client_that_left_while_it_waited_is_no_trouble(tmp_path: Path, said: 
 
 
 class Pipe:
-    """A transport that tells how much waits in it."""
+    """A transport that reports how much waits in it."""
 
     def __init__(self) -> None:
         self.transport = self
@@ -186,7 +186,7 @@ def test_a_slow_client_is_kept_as_long_as_it_takes_something(said: list[str]) ->
 
 
 def test_the_log_and_the_question_say_which_process_asks(tmp_path: Path) -> None:
-    """Two processes of one user are told apart, in both eras of the protocol."""
+    """Two processes of one user are distinguished, in both eras of the protocol."""
     source = (
         "from fastmcp import FastMCP\nmcp = FastMCP('bench')\n@mcp.tool\ndef fire(times: int) -> int: return times\n"
     )

@@ -26,7 +26,7 @@ def host(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Host]:
 
 
 class Watched:
-    """A presence that is watching, and the changes that it told."""
+    """A presence that is watching, and the changes that it reported."""
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch | None = None, events: socket.socket | None = None) -> None:
         self.told: list[set[str]] = []
@@ -68,7 +68,7 @@ def test_a_call_is_for_the_device_that_it_names_and_hears_of_one_that_has_just_c
     presence = watched.presence
     presence._there.update({CAMERA: False, SENSOR: True})
     assert presence.missing("read_both", SENSOR) == []
-    assert presence.missing("read_both", CAMERA) == []  # nobody has looked since, and it is there
+    assert presence.missing("read_both", CAMERA) == []  # not looked at since, and it is there
     host.unplug_camera()
     assert presence.missing("read_both", CAMERA) == presence.missing("read_both", None) == ["C270 HD Webcam"]
     assert presence.missing("read_both", SENSOR) == []
@@ -105,7 +105,7 @@ def test_a_server_without_a_runtime_has_devices_of_unknown_presence() -> None:
 def test_an_event_of_the_kernel_makes_it_look_and_a_change_event_does_not(
     host: Host, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    # Events reach a host whose tree is at /; here the runtime alone is told of the tree.
+    # Events reach a host whose tree is at /; here only the runtime gets the tree.
     monkeypatch.setattr(presence, "QUIET", 0.01)
     kernel, events = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
     host.plug(CAMERA, SENSOR)

@@ -1,4 +1,4 @@
-"""What claims restrict, as the endpoint reads it: let go of at its own moment, whoever is dead, whatever it says."""
+"""What claims restrict, as the endpoint reads it: released at its own moment, whichever process is dead."""
 
 import enum
 import json
@@ -26,7 +26,7 @@ ENTRY: dict[str, Any] = {
 
 
 class Watched:
-    """The restrictions of a folder on a clock that only moves when it is told to; ``heard`` are the audit's words."""
+    """The restrictions of a folder on a clock that only the test moves; ``heard`` are the audit's words."""
 
     def __init__(self, folder: Path) -> None:
         self.path = folder / NAME

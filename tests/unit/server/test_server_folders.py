@@ -46,7 +46,7 @@ def test_a_link_in_place_of_a_folder_is_not_served(tmp_path: Path, name: str) ->
         assert process is None and problem is not None and problem.code == "ENDPOINT-START-FAILED"
         assert problem.detail == f"{folder} is a symlink; it must be a folder"
         assert {path.name: path.stat().st_size for path in (tmp_path / "elsewhere").iterdir()} == before
-        with pytest.raises(NotOursError, match="is a symlink"):  # what the process itself says, started by another hand
+        with pytest.raises(NotOursError, match="is a symlink"):  # the process's own error, started by hand
             private(folder)
         folder.unlink()
         (tmp_path / "elsewhere").rename(folder)

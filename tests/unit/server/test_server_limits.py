@@ -238,7 +238,7 @@ def test_all_counters_survive_a_restart(tmp_path: Path, time: Time) -> None:
 
 
 def anew(folder: Path, time: Time, gone: float) -> None:
-    """The machine was started anew: its clock begins at zero, and the wall clock says how long it was off."""
+    """The machine was started anew: its clock begins at zero, and the wall clock shows how long it was off."""
     lines = [json.loads(line) for line in (folder / "limits.json").read_text().splitlines()]
     lines = [{**line, "boot": "another"} if "boot" in line else line for line in lines]
     (folder / "limits.json").write_text("".join(json.dumps(line) + "\n" for line in lines))
@@ -397,7 +397,7 @@ def test_no_sequence_of_accepted_calls_exceeds_a_bound(
             found = ledger(folder, time, *limits)
         judged = found.judge("move", arguments)
         assert judged == found.judge("move", arguments)
-        assert found.reserve("move", arguments) == judged  # looking first tells what will be
+        assert found.reserve("move", arguments) == judged  # looking first shows what will be
         if judged is None:
             accepted.append((time.clock, arguments))
     for limit in limits:

@@ -153,7 +153,7 @@ def test_refusal_through_a_tunnel_that_filters_headers_is_an_answer_too(
 
 
 def gone_tunnel(run: Path, **more: object) -> None:
-    """The record of a tunnel whose processes have ended, and whose address nobody answers."""
+    """The record of a tunnel whose processes have ended, and whose address does not answer."""
     url = "http://words.localhost:9"
     record = {"pid": 1 << 22, "start": 1, "boot": boot_id(), "mark": "0" * 16, "instance": INSTANCE, "url": url, **more}
     (run / "tunnel.json").write_text(json.dumps(record))
@@ -203,7 +203,7 @@ def test_program_that_ends_is_started_again_at_a_new_address(tmp_path: Path) -> 
         assert tunnel_termination.answers(second, INSTANCE)
         assert not tunnel_termination.answers(first, INSTANCE)
         assert found.urls == [first, None, second]
-        # The name of the former address is nobody's any more.
+        # The name of the former address is free.
         status, _, _ = found.door.ask("GET", "/health", headers={"Host": first.removeprefix("http://")})
         assert status == 421
 

@@ -1,4 +1,4 @@
-"""Whom the watchdog interrupts, told from the stack: generated code and what it called, never the launcher's own."""
+"""Whom the watchdog interrupts, determined from the stack: generated code and what it called, never the server."""
 
 import sys
 from collections.abc import Callable

@@ -1,4 +1,4 @@
-"""Strangers and broken clients at the HTTP door: nobody gets in, nothing hangs for the others."""
+"""Strangers and broken clients at the HTTP door: no one gets in, nothing hangs for the others."""
 
 import asyncio
 import contextlib

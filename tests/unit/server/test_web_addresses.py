@@ -32,7 +32,7 @@ def taken(*ports: int, address: str = "127.0.0.1") -> Iterator[None]:
 
 
 def free() -> int:
-    """The first of some ports in a row that nobody has; below those that the system gives out itself."""
+    """The first of some ports in a row that are free; below those that the system gives out itself."""
     while True:
         first = random.randrange(20000, 32000)
         with contextlib.suppress(OSError), taken(*range(first, first + 4)):

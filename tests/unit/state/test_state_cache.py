@@ -1,4 +1,4 @@
-"""Kept copies are given back whole or not at all, are bounded, and damage is told from an edit."""
+"""Kept copies are given back whole or not at all, are bounded, and damage is distinguished from an edit."""
 
 import json
 from pathlib import Path

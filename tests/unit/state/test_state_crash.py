@@ -1,4 +1,4 @@
-"""kill -9 at every point of an apply: what is left opens, tells the truth, and the next apply completes it."""
+"""kill -9 at every point of an apply: what is left opens, is consistent, and the next apply completes it."""
 
 import itertools
 import os

@@ -161,7 +161,7 @@ def test_the_reserve_lets_the_end_of_a_step_be_told(layout: Layout) -> None:
 
 
 def test_a_folder_that_cannot_be_written_is_said_before_any_agent_runs(tmp_path: Path) -> None:
-    """As a user who may not write here: root may write anywhere, so it becomes nobody in a child."""
+    """As a user who may not write here: root may write anywhere, so it becomes the user nobody in a child."""
     tmp_path.chmod(0o755)
     for parent in tmp_path.parents:
         if parent.owner() != "root":

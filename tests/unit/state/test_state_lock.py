@@ -35,7 +35,7 @@ def taken(layout: Layout, operation: str = "apply", waiting: Waiting | None = No
 
 
 def rewrite(layout: Layout, **changes: object) -> None:
-    """Change what the lock file says, in place."""
+    """Change the lock file in place."""
     document = json.loads(layout.lock.read_bytes())
     layout.lock.write_text(json.dumps({**document, **changes}))
 

@@ -228,7 +228,7 @@ def test_failures_are_kept_bounded(layout: Layout) -> None:
 
 
 def test_a_commit_that_failed_after_the_rename_is_taken_up(accepted: Layout) -> None:
-    """The folder could not be synced: the new file is there, the caller was told of an error, and tries again."""
+    """The folder could not be synced: the new file is there, the caller got an error, and tries again."""
     trouble = [True]
 
     def checkpoint(name: str) -> None:

@@ -20,7 +20,7 @@ COLUMNS, LINES = 120, 20  # wide enough for the date, which lines of another day
 
 
 class Terminal(io.StringIO):
-    """An output that says that it is a terminal."""
+    """An output that reports to be a terminal."""
 
     def isatty(self) -> bool:
         return True

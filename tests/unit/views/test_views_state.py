@@ -1,4 +1,4 @@
-"""What a person is told of a node: how its output came about; and nothing that came with a pull acts there."""
+"""The view of a node: how its output came about; and nothing that came with a pull acts there."""
 
 import io
 from typing import Any

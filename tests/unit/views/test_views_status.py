@@ -1,4 +1,4 @@
-"""Status as a person and as a program read it, whatever the process tells of itself."""
+"""Status as a person and as a program read it, whatever the process reports of itself."""
 
 import io
 import json

@@ -1,7 +1,7 @@
 """A UVC webcam whose picture is known: eight upright bars of full colours, and one dark field in the lower right.
 
-The field breaks the symmetry: a picture that was mirrored, turned or read with swapped colours is told from a right
-one.
+The field breaks the symmetry: a picture that was mirrored, turned or read with swapped colours is distinguished from a
+right one.
 """
 
 import struct
@@ -94,7 +94,7 @@ class Camera(Model):
         if part == _CONTROL and unit == 2 and selector == _BRIGHTNESS:
             return self._bright(request)
         if (part, unit, selector, request.code) == (_CONTROL, 0, 2, _CURRENT):
-            return b"\x00"  # no error to tell
+            return b"\x00"  # no error to report
         return None
 
     def _stream(self, request: Request, selector: int) -> bytes:

@@ -11,7 +11,7 @@ _GET_REPORT = 0x01
 
 @dataclass
 class HidDevice(Model):
-    """A device whose reports are as ``description`` says."""
+    """A device whose reports have the form of ``description``."""
 
     speed: str = "full"
     description: bytes = b""

@@ -47,7 +47,7 @@ class EndpointFacts:
 
 @dataclass(frozen=True)
 class Identity:
-    """What a device says of itself; an empty string is not told at all."""
+    """The strings of a device; an empty string is not sent at all."""
 
     vendor: int
     product: int

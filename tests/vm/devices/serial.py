@@ -91,7 +91,7 @@ class CdcAcm(SerialBoard):
     packet_size: int = 512
 
     def __post_init__(self) -> None:
-        """9600 baud until the host says otherwise."""
+        """9600 baud until the host sets another."""
         super().__post_init__()
         self.coding = struct.pack("<IBBB", 9600, 0, 0, 8)
 
@@ -107,7 +107,7 @@ class CdcAcm(SerialBoard):
         return control + interface(1, 0, 2, (10, 0, 0)) + endpoint(0x81, BULK, 512) + endpoint(0x02, BULK, 512)
 
     def request(self, request: Request) -> bytes | None:
-        """Line coding is kept, the line that says that the port is open is passed on, breaks are accepted."""
+        """Line coding is kept, the line that signals an open port is passed on, breaks are accepted."""
         if request.code == 0x20:
             self.coding = request.data
         elif request.code == 0x21:
@@ -155,7 +155,7 @@ class Ch340(SerialBoard):
 
 @dataclass(kw_only=True)
 class Cp2102(SerialBoard):
-    """An adapter chip that tells its own name and a serial number (`ttyUSB`)."""
+    """An adapter chip that reports its own name and a serial number (`ttyUSB`)."""
 
     speed: str = "full"
     usb: int = 0x0110

@@ -1,4 +1,4 @@
-"""Whether an endpoint answers, in virtual time: what stands still is told soon, what is slow or ending is not."""
+"""Whether an endpoint answers, in virtual time: a hung one is reported soon, what is slow or ending is not."""
 
 import os
 from collections.abc import Mapping

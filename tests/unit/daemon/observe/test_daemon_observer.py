@@ -284,5 +284,5 @@ def test_the_lock_of_another_container_counts_only_while_the_kernel_keeps_it(tmp
         hidden = json.dumps({**found, "namespace": "pid:[1]"})
         layout.lock.write_text(hidden)
         assert busy(layout) == "apply"
-    layout.lock.write_text(hidden)  # its process was killed: nobody took the file away
+    layout.lock.write_text(hidden)  # its process was killed and left the file
     assert busy(layout) is None

@@ -1,4 +1,4 @@
-"""A user whose watches are used up: what cannot be heard is looked at, and a person is told."""
+"""A user whose watches are used up: what cannot be heard is looked at, and a person is notified."""
 
 import errno
 import os

@@ -1,4 +1,4 @@
-"""Which devices are there: asked of the runtime when a name moved, and not told as gone what was never there."""
+"""Which devices are there: asked of the runtime when a name moved, and never reported as gone what was never there."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The end of the endpoint's process is told at once, whatever else is being looked at, and the rest is not forgotten.
+"""The end of the endpoint's process is reported at once, whatever else is being looked at, and the rest is kept.
 
 Which device is which is asked of the runtime, for seconds on a slow computer. Here that takes a minute, and no test
 waits for it.

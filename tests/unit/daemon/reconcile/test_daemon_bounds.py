@@ -182,7 +182,7 @@ def test_a_heal_that_asked_for_it_goes_on_as_well(tmp_path: Path) -> None:
 
 
 def test_one_more_try_is_made_of_what_was_found_out_as_well(world: DaemonWorld) -> None:
-    """WATCH's diagnosis has tries of its own; a person who says `retry` means those too."""
+    """WATCH's diagnosis has tries of its own; a person's `retry` means those too."""
     error = {"tool": None, "device": "arm", "class": "dependency", "message": "m", "severity": "recoverable"}
     report = {"status": "error", "errors": [error]}
     world.mends[Repair.WATCH] = lambda world, finding: Done(True, "a report", spent=Spent(1), report=report)

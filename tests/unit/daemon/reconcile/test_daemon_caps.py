@@ -1,4 +1,4 @@
-"""The caps of an hour hold for whatever asks agents: a re-discovery is told what is left and counts first."""
+"""The caps of an hour hold for whatever asks agents: a re-discovery gets what is left and counts first."""
 
 from pathlib import Path
 from typing import Any

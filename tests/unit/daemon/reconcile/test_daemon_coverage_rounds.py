@@ -1,4 +1,4 @@
-"""Health from the first round on: what is promised to report and has not is unknown, whoever is at work."""
+"""Health from the first round on: what is promised to report and has not is unknown, whatever else is at work."""
 
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +15,7 @@ VOLTS, HEAT = ("status", "/volts"), ("arm", "/heat")
 
 
 class Later(AtOnce):
-    """Works are told of as ended only once ``open`` is set."""
+    """Work is reported as ended only once ``open`` is set."""
 
     open = False
 
@@ -58,7 +58,7 @@ def test_what_stops_being_read_is_unknown_again(world: DaemonWorld) -> None:
     world.happens(Cause.PING)
     world.advance(4 * INTERVAL)
     world.truth.answers = True
-    world.bench = Later(world.uptime)  # nobody reads
+    world.bench = Later(world.uptime)  # no one reads
     world.begun()
     world.start()
     assert told(world) == (Status.UNKNOWN, 0, ("status",))

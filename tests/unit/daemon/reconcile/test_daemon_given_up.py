@@ -1,4 +1,4 @@
-"""What nobody repairs any more stands in the way of nothing else."""
+"""A problem that gave up blocks no other repair."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Repairs beside the loop: a long one blinds nobody, one target has one repair, a bug ends nothing."""
+"""Repairs beside the loop: a long one delays no check, one target has one repair, a bug ends nothing."""
 
 import threading
 from pathlib import Path

@@ -15,7 +15,7 @@ SOURCES = ("read_joints",)
 
 
 class Failing(DaemonWorld):
-    """A reading tool that fails each time the daemon calls it, and says so in the log as the gate does."""
+    """A reading tool that fails each time the daemon calls it, and is logged as by the gate."""
 
     error = "NameError"
     broken = True
@@ -81,7 +81,7 @@ def test_one_of_several_devices_that_cannot_be_read_is_a_trouble_of_its_own(worl
 
 
 def test_the_log_is_read_with_the_readings(world: Failing, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Else the unit is told before its tool, and both are."""
+    """Else the unit is reported before its tool, and both are."""
     looks: list[frozenset[Cause]] = []
 
     def look(causes: frozenset[Cause]) -> Facts:

@@ -1,4 +1,4 @@
-"""Restarts: a loop of crashes is known for what it is, waited for, told, and forgiven when a person asks."""
+"""Restarts: a loop of crashes is known for what it is, waited for, reported, and forgiven when a person asks."""
 
 import errno
 import json

@@ -21,7 +21,7 @@ def outcomes(world: DaemonWorld) -> list[tuple[str, str]]:
 
 
 class Late:
-    """Makes repairs whenever it is told to."""
+    """Makes repairs on demand."""
 
     def __init__(self) -> None:
         self._begun: list[tuple[Task, Work]] = []

@@ -259,5 +259,5 @@ def test_numbers_that_are_none_and_lines_without_end_end_nobody(shelf: Shelf) ->
     shelf.path("episodes.jsonl").write_text("[" * 100_000 + "\n")
     memory = Memory.open(shelf.layout, "b1", 10.0, Daemon())
     assert memory.episodes.open == {}
-    assert memory.purse.spent(10.0, STAMP).calls == Daemon().calls_per_hour  # nobody can tell, so all of it
+    assert memory.purse.spent(10.0, STAMP).calls == Daemon().calls_per_hour  # unknown, so all of it
     assert memory.breakers.of("k").tries == 0

@@ -1,4 +1,4 @@
-"""Each fault that code can tell by itself gives its one finding, and nothing else is made of it."""
+"""Each fault that code can determine gives its one finding, and nothing else is made of it."""
 
 from dataclasses import replace
 
