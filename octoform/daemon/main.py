@@ -50,7 +50,7 @@ _PICTURE = frozenset({Signal(Channel.FRAME, "", "")})
 class Wanted:
     """How the manifest wants a host's deployment kept alive; ``looks`` when a camera may be looked through.
 
-    ``bounds`` are what profiles call clean, as `octoform.claims.settings.bounds_told` gives it.
+    ``bounds`` are what profiles call clean, as `octoform.claims.settings.bound_documents` gives it.
     """
 
     layout: Layout

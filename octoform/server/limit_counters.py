@@ -87,7 +87,7 @@ class Counters:
             self._used = {name: Used(damaged=True) for name in names}
             with suppress(OSError):  # for inspection; the file itself is replaced by the first reset
                 path.with_suffix(".damaged").unlink(missing_ok=True)
-                path.with_suffix(".damaged").hardlink_to(path)
+                files.publish_new(path, path.with_suffix(".damaged"))
 
     def of(self, tool: str) -> Used:
         """What the tool has used."""

@@ -19,7 +19,7 @@ Job = Callable[[str, Brief], dict[str, Any]]
 
 def _settings(project: str, _: Brief) -> dict[str, Any]:
     """How the manifest wants the deployment kept alive: ``host``, ``scope``, ``daemon``, ``perception``, and ``bounds``
-    that the profiles set (`octoform.claims.settings.bounds_told`)."""
+    that the profiles set (`octoform.claims.settings.bound_documents`)."""
     from octoform.engine.unattended.session import bounds
     from octoform.manifest.loader import load
     from octoform.manifest.model import FILE_NAME

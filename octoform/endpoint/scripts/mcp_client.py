@@ -30,7 +30,7 @@ from mcp.server.stdio import stdio_server
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 
 from picture import figures
-from toolschema import as_tool, first_fault, said
+from toolschema import as_tool, first_fault, result_text
 
 PASSED = ("HOME", "LOGNAME", "PATH", "SHELL", "TERM", "USER")
 """What the SDK's clients hand to a stdio server: a tool that needs more would fail in a real client too."""
@@ -171,7 +171,7 @@ def outcome(wire: dict[str, Any]) -> dict[str, Any]:
     return {
         "is_error": bool(wire.get("isError")),
         "refused": (wire.get("_meta") or {}).get(REFUSED),
-        "message": said(wire),
+        "message": result_text(wire),
         "structured": wire.get("structuredContent"),
         "pictures": [figures(item["data"]) for item in wire.get("content", []) if item.get("type") == "image"],
     }

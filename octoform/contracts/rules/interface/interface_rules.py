@@ -127,16 +127,13 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="describe what this tool reads"))
         for where, name in measured_without_unit(schema):
             summary = f"the result's {display(name)} of {display(tool['name'])} is a quantity, and no unit is given"
-            hint = (
-                f"put the unit into the description of {display(name)} or at the end of its name, or a member `unit` "
-            )
-            hint += "beside it; what a device gives without one is called raw"
+            hint = f"put the unit into the description of {display(name)} or at the end of its name, or a member "
+            hint += "`unit` beside it; what a device gives without one is called raw"
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
         for where, name in unit_against_name(tool.get("output_schema")):
-            summary = (
-                f"the {display(name)} of {display(tool['name'])} has one unit by its name and another by its words"
-            )
+            member = f"the {display(name)} of {display(tool['name'])}"
+            summary = f"{member} has one unit by its name and another by its words"
             place = pointer("tools", index, "output_schema", *where)
             out.append(
                 error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
