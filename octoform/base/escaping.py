@@ -46,7 +46,7 @@ def escape_of(character: str) -> str:
 # Foreign text inside our messages: bounded and escaped, because a device may name itself anything.
 #
 # A product string can hold control characters, right-to-left overrides or a megabyte of blanks; a diagnostic goes to
-# a terminal and into the next prompt, so nothing foreign enters one except through `shown`.
+# a terminal and into the next prompt, so nothing foreign enters one except through `display`.
 
 
 def flattened(text: str) -> str:
@@ -62,6 +62,6 @@ def display(value: object, limit: int = 80) -> str:
 
 
 def listed(values: list[str], limit: int = 5) -> str:
-    """``'a', 'b' and 3 more``: the first few of them, each through `shown`."""
+    """``'a', 'b' and 3 more``: the first few of them, each through `display`."""
     first = ", ".join(display(item) for item in values[:limit])
     return first if len(values) <= limit else f"{first} and {len(values) - limit} more"
