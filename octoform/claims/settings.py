@@ -130,8 +130,8 @@ class Settings:
 # What the ledger has to know of a deployment, gathered from what octoform itself wrote and what profiles say. Light.
 #
 # Tools come from the accepted interface and the published policy. Profiles are prose with front matter, too heavy for
-# the daemon: what they call clean is made into plain values once (`bound_documents`, in the daemon's child) and comes back
-# from there (`bounds_of`).
+# the daemon: what they call clean is made into plain values once (`bound_documents`, in the daemon's child) and comes
+# back from there (`bounds_of`).
 
 
 class Protects(Protocol):
@@ -151,7 +151,7 @@ class Protects(Protocol):
 
 
 def settings_of(layout: Layout, claim_seconds: float, bounds: Iterable[Mapping[str, Any]] = ()) -> Settings:
-    """The ledger's settings for a host; ``bounds`` as `bound_documents` gave them. Its tools are those of each moment."""
+    """The ledger's settings for a host; ``bounds`` are those of `bound_documents`. Its tools are the present ones."""
     return Settings(claim_seconds=claim_seconds, tools=ServedTools(layout), bounds=bounds_of(bounds))
 
 
