@@ -18,7 +18,7 @@ from octoform.base import files
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.records import dataclass
 
-MOST_BYTES = 64 * 1024
+MAX_BYTES = 64 * 1024
 FENCE = "---"
 _CORE = "tag:yaml.org,2002:"
 
@@ -49,12 +49,12 @@ class Document:
 def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
     """The file, or why it cannot be read; every problem carries ``code``."""
     try:
-        data = files.head(path, MOST_BYTES + 1, follow=True)
+        data = files.head(path, MAX_BYTES + 1, follow=True)
     except OSError as reason:
         hint = "replace it by a text file that this user may read"
         return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path), hint=hint)]
-    if len(data) > MOST_BYTES:
-        return None, [error(code, f"the file is larger than {MOST_BYTES} bytes", path=str(path), hint="shorten it")]
+    if len(data) > MAX_BYTES:
+        return None, [error(code, f"the file is larger than {MAX_BYTES} bytes", path=str(path), hint="shorten it")]
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError as reason:

@@ -157,7 +157,7 @@ LOG_BYTES = 16 << 10
 ERROR_BYTES = 10 << 10
 """Of its errors: what they leave belongs to the newest lines."""
 LINE_CHARACTERS = 400
-MOST_LINES = 4000
+MAX_LINES = 4000
 """Lines that are looked at, the newest."""
 RAW_BYTES = 1 << 20
 """Of what is kept beside an attempt when it was summed up."""
@@ -193,7 +193,7 @@ def slice_of(
     """The logs of a host from ``since`` on (seconds since 1970), redacted and escaped, at most `LOG_BYTES`."""
     logs = logs_of(layout)
     try:
-        lines = [line for line in _timed(logs, time.time()) if line.at >= since][-MOST_LINES:]
+        lines = [line for line in _timed(logs, time.time()) if line.at >= since][-MAX_LINES:]
     finally:
         logs.close()
     return sliced(lines, secrets, completion)
@@ -295,7 +295,7 @@ def _bounded(text: str) -> str:
 # Perception that fails is no reason not to look at everything else.
 
 FRAME, TROUBLE = "frame", "/trouble"
-MOST_BYTES = 8 << 20
+MAX_BYTES = 8 << 20
 """Of one picture."""
 
 
@@ -332,7 +332,7 @@ def camera_frames(layout: Layout, settings: Perception, readings: Sequence[Mappi
         if frame is None or row["source"] != frame.camera.device:
             break
         data = picture_of(layout, frame)
-        if data is None or len(data) > MOST_BYTES:
+        if data is None or len(data) > MAX_BYTES:
             break
         frames.append({"reading": row["id"], "file": frame.file})
         files[frame.file] = data

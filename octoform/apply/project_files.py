@@ -12,10 +12,10 @@ from pathlib import Path
 
 from octoform.base import files
 
-MOST_FILES = 5000
-_MOST_LINKED = 1000
+MAX_FILES = 5000
+_MAX_LINKED = 1000
 """Entries of a folder that a link leads to; a larger one is no folder of instructions."""
-_MOST_HOPS = 8
+_MAX_HOPS = 8
 MAX_TOLD = 20
 """Names that a person reads."""
 _SKIPPED = frozenset((".git", ".octoform", "node_modules"))
@@ -32,7 +32,7 @@ def listing(project: Path) -> dict[Path, tuple[int, int]]:
         whole = [name for name in folders if (place / name).is_symlink() or _is_filled(place / name)]
         folders[:] = sorted(name for name in folders if name not in whole and name != "__pycache__")
         for path in (place / name for name in (*names, *whole)):
-            if len(found) >= MOST_FILES:
+            if len(found) >= MAX_FILES:
                 return found
             try:
                 facts = path.lstat()
@@ -99,7 +99,7 @@ def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
             place / name for place, *names in files.walk(path) for name in chain(*names) if (place / name).is_symlink()
         ]
     for link in found:
-        for _ in range(_MOST_HOPS):
+        for _ in range(_MAX_HOPS):
             link = Path(os.path.normpath(link.parent / link.readlink()))
             if any(each.is_relative_to(link) for each in whole) or _is_large(link):
                 break
@@ -110,4 +110,4 @@ def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
 
 def _is_large(folder: Path) -> bool:
     entries = (name for _, folders, names in files.walk(folder) for name in (*folders, *names))
-    return next(islice(entries, _MOST_LINKED, None), None) is not None
+    return next(islice(entries, _MAX_LINKED, None), None) is not None

@@ -9,7 +9,7 @@ from decimal import Decimal
 _COUNT = r"[0-9]{1,6}(?:\.[0-9]{1,3})?"
 PATTERN = rf"^(?=[0-9])({_COUNT}h)?({_COUNT}m)?({_COUNT}s)?({_COUNT}ms)?$"
 HINT = "write numbers with h, m, s and ms, in this order: `30s`, `1.5m`, `1h30m`"
-LONGEST_SECONDS = 24 * 3600
+MAX_SECONDS = 24 * 3600
 RATE_PATTERN = rf"^([1-9][0-9]{{0,5}})/({PATTERN[1:-1]})$"
 HOURS_PATTERN = r"^([01][0-9]|2[0-3]):([0-5][0-9])-([01][0-9]|2[0-3]):([0-5][0-9])$"
 
@@ -31,7 +31,7 @@ def rate(text: str) -> tuple[int, float] | None:
     """How many times in how many seconds (``10/1m`` is 10 in 60); None when the text is no rate of at most a day."""
     found = re.fullmatch(RATE_PATTERN[1:-1], text)
     length = seconds(found.group(2)) if found is not None else None
-    if found is None or length is None or not 1 <= length <= LONGEST_SECONDS:
+    if found is None or length is None or not 1 <= length <= MAX_SECONDS:
         return None
     return int(found.group(1)), length
 

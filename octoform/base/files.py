@@ -23,9 +23,9 @@ MAX_BYTES = 64 * 1024 * 1024
 """More than any file that octoform writes for itself to read again."""
 MAX_DEPTH = 128
 """Levels of nested arrays and objects; nothing that octoform writes comes near, and Python's own stack holds more."""
-DEEPEST = 64
+MAX_FOLDER_DEPTH = 64
 """Levels of folders that `walk` looks into; nothing that octoform or a person writes comes near."""
-_LONGEST = 3800
+_MAX_PATH_BYTES = 3800
 """Bytes of a path below which another name fits (PATH_MAX, limits.h)."""
 TEMPORARY = ".octoform-tmp"
 """Ends the name of a file that is being written."""
@@ -151,7 +151,7 @@ def private_folder(path: Path) -> Path:
     return path
 
 
-def walk(top: Path, max_depth: int = DEEPEST) -> Iterator[tuple[Path, list[str], list[str]]]:
+def walk(top: Path, max_depth: int = MAX_FOLDER_DEPTH) -> Iterator[tuple[Path, list[str], list[str]]]:
     """Each folder from ``top`` on, the upper ones first, with the names of its folders and of all else in it.
 
     As `os.walk`, but without recursion, so that folders nested thousands of levels deep end no one: what lies below
@@ -173,7 +173,9 @@ def walk(top: Path, max_depth: int = DEEPEST) -> Iterator[tuple[Path, list[str],
             pass  # it is there, and closed
         yield place, folders, names
         below = (place / name for name in reversed(folders)) if level < max_depth else ()
-        pending += [(each, level + 1) for each in below if len(os.fsencode(each)) < _LONGEST and not each.is_symlink()]
+        pending += [
+            (each, level + 1) for each in below if len(os.fsencode(each)) < _MAX_PATH_BYTES and not each.is_symlink()
+        ]
 
 
 def _leads_to_folder(entry: os.DirEntry[str]) -> bool:

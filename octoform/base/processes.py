@@ -27,7 +27,7 @@ _TOP = 16**_DIGITS
 _FORM = re.compile(rf"[0-9a-f]{{{_DIGITS},}}")
 PROC = Path("/proc")
 _LIMIT_LINE = b"Max file locks"
-_MOST_BYTES = 1 << 20
+_MAX_BYTES = 1 << 20
 """Read of an environment, which may be larger (execve(2)): the limit is there too."""
 
 
@@ -89,7 +89,7 @@ def _whole(proc: Path, pid: int, name: str) -> bytes:
     descriptor = os.open(f"{proc}/{pid}/{name}", os.O_RDONLY | os.O_CLOEXEC)
     try:
         found = b""
-        while len(found) < _MOST_BYTES and (piece := os.read(descriptor, _MOST_BYTES - len(found))):
+        while len(found) < _MAX_BYTES and (piece := os.read(descriptor, _MAX_BYTES - len(found))):
             found += piece
         return found
     finally:

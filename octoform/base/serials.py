@@ -15,7 +15,7 @@ NONE, PATTERN, SHORT, UNIQUE = range(4)
 """No number; a default (another one is another device, the same proves nothing); too short to be rare; rare."""
 _LEAST_SYMBOLS = 6
 _LEAST_UNFORESEEN = 3
-_LONGEST_STRIDE = 4
+_MAX_STRIDE = 4
 _ORDER = "0123456789abcdefghijklmnopqrstuvwxyz"
 _WORDS = re.compile(r"[a-z]+|[0-9]+")
 # Words in place of a number, or before one.
@@ -192,7 +192,7 @@ def _unforeseen(number: str) -> int:
     if not number:
         return 0
     values = [_ORDER.index(symbol) for symbol in number]
-    for stride in range(1, min(_LONGEST_STRIDE, len(values) - 1) + 1):
+    for stride in range(1, min(_MAX_STRIDE, len(values) - 1) + 1):
         if all(_follows(values[at - stride], values[at]) for at in range(stride, len(values))):
             return min(stride, 2)
     period = next(

@@ -14,7 +14,7 @@ from octoform.base.shortage import is_shortage
 from octoform.builtin.task import TaskRefused, read_task
 
 USAGE = "usage: python -m octoform.builtin <task.json>"
-MOST_MEMORY = 1 << 30
+MAX_MEMORY = 1 << 30
 """Bytes of private memory. The largest recorded host needs a tenth of it; a board with 1 GB must survive a mistake."""
 
 
@@ -35,7 +35,7 @@ def main(arguments: list[str]) -> int:
         print(problem.strerror, file=sys.stderr)
         return 1
     except MemoryError:
-        print(f"this stage needs more than {MOST_MEMORY >> 20} MiB of memory", file=sys.stderr)
+        print(f"this stage needs more than {MAX_MEMORY >> 20} MiB of memory", file=sys.stderr)
         return 1
     print(summary)
     return 0
@@ -43,5 +43,5 @@ def main(arguments: list[str]) -> int:
 
 if __name__ == "__main__":
     gc.set_threshold(50_000, 20, 50)  # it ends soon, and walks through trees in which there is no garbage
-    resource.setrlimit(resource.RLIMIT_DATA, (MOST_MEMORY, MOST_MEMORY))
+    resource.setrlimit(resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
     sys.exit(main(sys.argv[1:]))

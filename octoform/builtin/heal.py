@@ -20,7 +20,7 @@ _NO_REWRITE = (
     "the code of the tool seems to be wrong, and the embedded agent rewrites no code: a model or a person must"
 )
 _NOT_MINE = "no repair of the playbook fixes this: a person is needed"
-MOST_CITES = 16
+MAX_CITES = 16
 
 
 def run(task: Task) -> str:
@@ -59,7 +59,7 @@ def answer(document: Mapping[str, Any]) -> dict[str, Any]:
 def _cites(document: Mapping[str, Any]) -> list[str]:
     """What the error rests on, as far as it was given."""
     known = {row["id"] for part in ("readings", "failures") for row in document.get(part, [])}
-    return [identity for identity in document["error"].get("cites", []) if identity in known][:MOST_CITES]
+    return [identity for identity in document["error"].get("cites", []) if identity in known][:MAX_CITES]
 
 
 __all__ = ["run"]

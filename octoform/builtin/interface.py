@@ -13,7 +13,7 @@ from octoform.builtin import protocol_tools
 from octoform.builtin.classes import inputs, media, network, office, outputs, position, power, sensors, storage
 from octoform.builtin.classes.macos import NO_TOOLS
 from octoform.builtin.protocol_definitions import Profiles
-from octoform.builtin.serve.stage import MOST_LINES, line_count
+from octoform.builtin.serve.stage import MAX_LINES, line_count
 from octoform.builtin.task import Task, TaskRefused
 from octoform.builtin.tool_model import Kind, Schema, one_of
 
@@ -22,7 +22,7 @@ from octoform.builtin.tool_model import Kind, Schema, one_of
 # Product names come from the devices themselves and end up before a language model, so only letters, digits and a few
 # marks of a bounded length pass, inside quotation marks, and nothing that could look like an instruction to a reader.
 
-MOST_CHARS = 60
+MAX_CHARS = 60
 NAME_CHARS = 48
 _UNSAFE = re.compile(r"[^A-Za-z0-9 .,()/+#_-]+")
 
@@ -30,7 +30,7 @@ _UNSAFE = re.compile(r"[^A-Za-z0-9 .,()/+#_-]+")
 def legend(devices: Sequence[Mapping[str, Any]]) -> str:
     """``device id ("Product A", "Product B")``, in the order of the ids; without names where they would be too long."""
     names = ", ".join(f'"{_safe(device["identified_as"])}"' for device in devices)
-    long = len(names) + sum(len(device["id"]) for device in devices) > MOST_CHARS
+    long = len(names) + sum(len(device["id"]) for device in devices) > MAX_CHARS
     return "device id" if long else f"device id ({names})"
 
 
@@ -207,7 +207,7 @@ def _written(wanted: list[Kind], made: Mapping[str, dict[str, Any]], profiles: P
     """Those of which a server of the allowed length can be written: as many of the most worth as fit."""
 
     def too_long(count: int) -> bool:
-        return line_count([made[kind.name] for kind in _within(count, wanted)], profiles) > MOST_LINES
+        return line_count([made[kind.name] for kind in _within(count, wanted)], profiles) > MAX_LINES
 
     if not wanted or not too_long(len(wanted)):
         return wanted

@@ -105,7 +105,7 @@ def unknown(device: Device) -> Claim:
 # compared.
 
 METHOD = "user_answer"
-MOST_EVIDENCE = 6
+MAX_EVIDENCE = 6
 _LEAD = re.compile(r"^(?:(?:this|it|that)(?: is|'s)\s+)?(?:(?:the|a|an|my|our)\s+)?", re.IGNORECASE)
 _END = re.compile(r"[.;!?](?:\s|$)|\n")
 _BESIDE = re.compile(r"\s(?:of|for|with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
@@ -159,7 +159,7 @@ def short(sentence: str, device: str = "") -> str:
     return (
         product_names.tidy(_LEAD.sub("", text))
         or product_names.tidy(sentence)
-        or sentence.strip()[: product_names.LONGEST_NAME]
+        or sentence.strip()[: product_names.MAX_NAME]
     )
 
 
@@ -179,7 +179,7 @@ def _answer_evidence(device: Device, known: dict[str, Any], sentence: str) -> li
     shown = known.get("evidence") or [device.cite_self("what the host shows of it").as_json()]
     quoted = len(re.findall(r"\w", sentence[:500])) > 1
     answer = [Evidence(sentence, "the owner's answer").as_json()] if quoted else []
-    return [*answer, *shown][:MOST_EVIDENCE]
+    return [*answer, *shown][:MAX_EVIDENCE]
 
 
 # A device for which a profile of the owner holds: it is that product, and does what the profile's protocol definition
@@ -246,4 +246,4 @@ def _evidence(device: Device, profile: Mapping[str, Any], known: Mapping[str, An
     quotes = {item.quote: item.as_json() for item in cited}
     for item in known.get("evidence", ()):
         quotes.setdefault(item["quote"], item)
-    return list(quotes.values())[:MOST_EVIDENCE]
+    return list(quotes.values())[:MAX_EVIDENCE]

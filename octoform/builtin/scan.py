@@ -21,8 +21,8 @@ from octoform.builtin.probe.stage import probe
 from octoform.builtin.probe.udev import FOLDER, JOINED, SERIAL, UdevDatabase, key_of
 from octoform.builtin.task import Task
 
-MOST_UNSAID = 500
-MOST_FOLDERS, MOST_FILES = 400, 4000
+MAX_UNSAID = 500
+MAX_FOLDERS, MAX_FILES = 400, 4000
 _LINES = "raw_descriptor"
 _TEXTS = ("name", "interface")
 _WORD = re.compile(r"[^\W_]+")
@@ -93,7 +93,7 @@ def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:
     """``probe``, ``unsaid`` and ``untrue`` for another agent's PROBE of the host below ``root``."""
     reader = Reader(str(root))
     own: Any = probe(reader)
-    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(root))))[:MOST_UNSAID]
+    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(root))))[:MAX_UNSAID]
     return {"probe": own, "unsaid": unsaid, "untrue": list(_untrue(given, reader))}
 
 
@@ -120,8 +120,8 @@ class _Host:
     def _attributes(self, folder: str, others: set[str]) -> Iterator[str]:
         """Names and content of the attributes of a device and of its parts, and udev's records of them, of a kind."""
         open_folders, files = [folder], 0
-        for _ in range(MOST_FOLDERS):
-            if not open_folders or files > MOST_FILES:
+        for _ in range(MAX_FOLDERS):
+            if not open_folders or files > MAX_FILES:
                 return
             here = open_folders.pop()
             yield from self._record(here)

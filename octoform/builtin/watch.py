@@ -141,7 +141,7 @@ def _words(failure: Mapping[str, Any], name: str) -> str:
 # The embedded agent makes no claim and declares nothing: these need judgement. What its rules do not decide has the
 # class ``none`` and goes to a person.
 
-MOST_ERRORS, MOST_CITES = 32, 16
+MAX_ERRORS, MAX_CITES = 32, 16
 MESSAGE_CHARACTERS, SUMMARY_CHARACTERS = 400, 600
 _BLIND = "the embedded agent does not look at pictures"
 _NO_FRAME = "no frame was given"
@@ -173,7 +173,7 @@ def run(task: Task) -> str:
 def answer(document: Mapping[str, Any]) -> dict[str, Any]:
     """The report for an input."""
     given = Given.of(document)
-    errors = [*_dead(given), *_gone(given), *_failing(given)][:MOST_ERRORS]
+    errors = [*_dead(given), *_gone(given), *_failing(given)][:MAX_ERRORS]
     status = _status(given, errors)
     return {
         "format": 1,
@@ -229,7 +229,7 @@ def _error(
         "message": message[:MESSAGE_CHARACTERS],
         "severity": "fatal" if fatal else "recoverable",
         "suggested_fix": _FIXES.get(kind),
-        "cites": list(dict.fromkeys(row["id"] for row in shown[-MOST_CITES:])),
+        "cites": list(dict.fromkeys(row["id"] for row in shown[-MAX_CITES:])),
     }
 
 

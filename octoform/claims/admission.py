@@ -24,7 +24,7 @@ from octoform.records import dataclass
 
 DECLARATIONS = ("terminal_lock", "disable_unit", "fire_risk")
 EFFECTS = ("deny", "confirm")
-MOST_CITES, MOST_RESTRICTIONS, MOST_ARGUMENTS = 32, 32, 16
+MAX_CITES, MAX_RESTRICTIONS, MAX_ARGUMENTS = 32, 32, 16
 STATEMENT_CHARS, NAME_CHARS = 600, 300
 
 
@@ -59,7 +59,7 @@ def of_claim(document: object) -> Proposal | Diagnostic:
             condition=_condition(whole.get("condition")),
             cites=_cites(whole),
             seconds=_seconds(whole.get("seconds")),
-            restrictions=tuple(_restriction(item) for item in _array(whole, "restrictions", MOST_RESTRICTIONS)),
+            restrictions=tuple(_restriction(item) for item in _array(whole, "restrictions", MAX_RESTRICTIONS)),
         )
     except _MalformedError as problem:
         return malformed(str(problem))
@@ -107,8 +107,8 @@ def problem_of(proposal: Proposal) -> Diagnostic | None:
         if condition is not None:
             _condition({"op": condition.op, "value": condition.value})
         _seconds(proposal.seconds)
-        if len(proposal.cites) > MOST_CITES or len(proposal.restrictions) > MOST_RESTRICTIONS:
-            raise _MalformedError(f"at most {MOST_CITES} cites and {MOST_RESTRICTIONS} restrictions")
+        if len(proposal.cites) > MAX_CITES or len(proposal.restrictions) > MAX_RESTRICTIONS:
+            raise _MalformedError(f"at most {MAX_CITES} cites and {MAX_RESTRICTIONS} restrictions")
         for each in proposal.restrictions:
             _restriction({"tool": each.tool, "arguments": dict(each.arguments), "effect": each.effect})
     except _MalformedError as problem:
@@ -140,13 +140,13 @@ def _restriction(document: object) -> Restriction:
     effect = whole.get("effect", "deny")
     if effect not in EFFECTS:
         raise _MalformedError(f"a restriction's effect is one of {', '.join(EFFECTS)}")
-    if len(arguments) > MOST_ARGUMENTS or not all(_is_value(value) for value in arguments.values()):
-        raise _MalformedError(f"a restriction has at most {MOST_ARGUMENTS} arguments, each a plain value")
+    if len(arguments) > MAX_ARGUMENTS or not all(_is_value(value) for value in arguments.values()):
+        raise _MalformedError(f"a restriction has at most {MAX_ARGUMENTS} arguments, each a plain value")
     return Restriction(_text(whole, "tool"), dict(arguments), str(effect))
 
 
 def _cites(whole: Mapping[str, Any]) -> tuple[str, ...]:
-    cites = _array(whole, "cites", MOST_CITES)
+    cites = _array(whole, "cites", MAX_CITES)
     if not all(isinstance(each, str) and each for each in cites):
         raise _MalformedError("cites are ids of readings")
     return tuple(dict.fromkeys(cites))
@@ -190,7 +190,7 @@ def _text(whole: Mapping[str, Any], name: str, most: int = NAME_CHARS) -> str:
 
 
 PERSON = "person"
-MOST_ACTIVE, MOST_PENDING = 64, 16
+MAX_ACTIVE, MAX_PENDING = 64, 16
 _ABOUT_THEMSELVES = (Channel.LOG, Channel.KERNEL, Channel.PROCESS)
 """Channels whose values say by themselves whether they are good: a call fails, a device is not there."""
 
@@ -249,7 +249,7 @@ def judge(proposal: Proposal, by: str, view: View) -> Verdict:
     evidence = max(mine, key=_moment, default=None)
     if proposal.irreversible is not None:
         waits = None if by == PERSON else _irreversible(proposal)
-        return Verdict(refused=_room(view.pending, MOST_PENDING), waits=waits, evidence=evidence)
+        return Verdict(refused=_room(view.pending, MAX_PENDING), waits=waits, evidence=evidence)
     if evidence is None or proposal.condition is None:
         return Verdict(_other_signal(proposal))
     return _weighed(_Case(proposal, proposal.condition, evidence, view), by)
@@ -263,7 +263,7 @@ def _weighed(case: _Case, by: str) -> Verdict:
         if refused := rule(case):
             return Verdict(refused)
     waits = None if by == PERSON else _ratchet(case) or _always_so(case)
-    full = _room(view.active, MOST_ACTIVE) if waits is None else _room(view.pending, MOST_PENDING)
+    full = _room(view.active, MAX_ACTIVE) if waits is None else _room(view.pending, MAX_PENDING)
     return Verdict(full, waits, case.evidence)
 
 

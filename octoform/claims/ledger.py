@@ -54,7 +54,7 @@ def taken_problem(path: Path) -> Diagnostic:
     return error("CLAIM-LEDGER-LOCK", text, path=str(path), hint="end that process; fuser shows which one it is")
 
 
-def nobody_problem() -> Diagnostic:
+def no_decider() -> Diagnostic:
     """A decision without a name."""
     return error("CLAIM-NO-PERSON", "no one answers for it", hint="give your name")
 
@@ -198,7 +198,7 @@ class Ledger:
             if claim is None or claim.state is not State.ACTIVE:
                 return unknown_problem(identity, "in force")
             if not person:
-                return nobody_problem()
+                return no_decider()
             return self._accept(as_ended(claim, "operator", (person,)), self._copy())
 
     def active(self) -> tuple[Claim, ...]:
@@ -304,7 +304,7 @@ class Ledger:
         claim = self._book.claims.get(identity)
         if claim is None or claim.state is not State.PENDING:
             return unknown_problem(identity, "waiting for a person")
-        return claim if person else nobody_problem()
+        return claim if person else no_decider()
 
     def _cited(self) -> frozenset[str]:
         alive = (claim for claim in self._book.claims.values() if claim.state not in ENDED)

@@ -23,9 +23,9 @@ from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, write_atomic
 
-MOST_ENDED = 200
-MOST_CITED = 8
-MOST_LEVELS = 256
+MAX_ENDED = 200
+MAX_CITED = 8
+MAX_LEVELS = 256
 PENDING_SECONDS = 24 * 3600.0
 """How long a claim waits for a person; a declaration waits permanently."""
 ENDED = (State.RETIRED, State.REFUSED)
@@ -69,7 +69,7 @@ def weigh(book: Book, reading: Reading, moment: Moment) -> None:
 
 def carried(claim: Claim, evidence: Reading, moment: Moment) -> Claim:
     """The claim as this reading carries it on."""
-    cites = (*[each for each in claim.cites if each != evidence.id][-MOST_CITED + 1 :], evidence.id)
+    cites = (*[each for each in claim.cites if each != evidence.id][-MAX_CITED + 1 :], evidence.id)
     expires = min(evidence.uptime, moment.uptime) + codec.seconds_of(claim, moment.most)
     stamp = _later(moment.stamp, expires - moment.uptime)
     data = {**claim.data, EVIDENCE: to_json(evidence)}
@@ -130,7 +130,7 @@ def as_ended(claim: Claim, why: str, by: tuple[str, ...], state: State = State.R
 def prune(book: Book) -> None:
     """Forget the oldest of what is over."""
     ended = [name for name, claim in book.claims.items() if claim.state in ENDED]
-    for name in ended[:-MOST_ENDED]:
+    for name in ended[:-MAX_ENDED]:
         del book.claims[name]
 
 
@@ -158,7 +158,7 @@ def _remember(book: Book, claim: Claim, clean: Reading | None) -> None:
     if equal and clean is None:
         return
     gone = [level for level in mine if level in equal or tighter(level.condition, claim.condition)]
-    book.levels[:] = [level for level in book.levels if level not in gone][-MOST_LEVELS + 1 :]
+    book.levels[:] = [level for level in book.levels if level not in gone][-MAX_LEVELS + 1 :]
     book.levels.append(Level(claim.signal, claim.condition, claim.id, clean))
 
 

@@ -23,8 +23,8 @@ from octoform.state.files import display, read_regular, refused, write_atomic
 
 FORMAT = 1
 OF_ONE = 16
-MOST_SIGNALS = 1000
-MOST_TEXTS = 4
+MAX_SIGNALS = 1000
+MAX_TEXTS = 4
 COMPACT_BYTES = 2_000_000
 SIZE_LIMIT = 16 * 1024 * 1024
 
@@ -44,7 +44,7 @@ class _Series:
             for name, beats in (("low", _below), ("high", _above)):
                 if name not in self.extremes or beats(reading, self.extremes[name]):
                     self.extremes[name] = reading
-        elif value is not None and len(self.extremes) < MOST_TEXTS:
+        elif value is not None and len(self.extremes) < MAX_TEXTS:
             self.extremes.setdefault(f"={value}", reading)
 
     def all(self) -> Iterator[Reading]:
@@ -105,7 +105,7 @@ class Readings:
         self._seen = seen
         data, problem = read_regular(self._path, SIZE_LIMIT)
         if problem is not None:
-            return [*self._aside(), problem]
+            return [*self._move_aside(), problem]
         if data is None:
             return []
         return self._load(data)
@@ -131,7 +131,7 @@ class Readings:
         self._series[reading.signal] = series  # the one that was written last stands last
         series.add(reading)
         self._kept[reading.id] = reading
-        while len(self._series) > MOST_SIGNALS:
+        while len(self._series) > MAX_SIGNALS:
             self._series.pop(next(iter(self._series)))
 
     def _alive(self) -> Iterator[Reading]:
@@ -148,7 +148,7 @@ class Readings:
         try:
             header = record(parse(lines[0] if lines else b""), FORMAT)
         except ValueError:
-            return self._aside()
+            return self._move_aside()
         if header.get("boot") != self._boot:
             return self._start(())
         damaged = 0
@@ -197,7 +197,7 @@ class Readings:
         self._seen = None if problem is not None else _stamp(self._path)
         return [] if problem is None else [problem]
 
-    def _aside(self) -> list[Diagnostic]:
+    def _move_aside(self) -> list[Diagnostic]:
         """Move a foreign file away and go on without what it held."""
         aside = self._path.with_name(f"{self._path.name}.aside")
         with contextlib.suppress(OSError):  # the next write replaces it or reports why not

@@ -183,7 +183,7 @@ _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"(\s*:\s*)"((?:[^"\\]|\\.)*)"')
 _MARK = re.compile("\ue0a7([0-9]{1,9})\ue0a8")
 
 
-def stand_in(secret: str, key: bytes) -> str:
+def placeholder(secret: str, key: bytes) -> str:
     """Another value of the same form: digits for digits, hexadecimal letters for such, all else but letters kept.
 
     The same letters and digits give the same stand-in, whatever is between them and in whatever case.
@@ -200,7 +200,7 @@ def members(text: str) -> list[str]:
     return [value.strip() for value in found if value.strip() and not hidden(value)]
 
 
-def with_stand_ins(text: str, secrets: Iterable[str], key: bytes, *, in_members: bool) -> str:
+def with_placeholders(text: str, secrets: Iterable[str], key: bytes, *, in_members: bool) -> str:
     """The text with a stand-in for each of the secrets, for every hardware address and, if asked, for `members`."""
     known = set(secrets)
     stands = _Placeholders(key)
@@ -221,13 +221,13 @@ class _Placeholders:
         self._held: list[str] = []
 
     def hit(self, found: "re.Match[str]") -> str:
-        return self._mark(stand_in(found[0], self._key))
+        return self._mark(placeholder(found[0], self._key))
 
     def member(self, pair: "re.Match[str]") -> str:
         value = _value(pair[3])
         if not identifies(pair[1]) or not value.strip() or hidden(value):
             return pair[0]
-        exchanged = json.dumps(stand_in(value, self._key), ensure_ascii=False)
+        exchanged = json.dumps(placeholder(value, self._key), ensure_ascii=False)
         return f'"{pair[1]}"{pair[2]}{self._mark(exchanged)}'
 
     def put(self, text: str) -> str:

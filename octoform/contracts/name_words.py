@@ -23,7 +23,7 @@ _LANGUAGE = re.compile(
     r"|english|translat\w*|means?)\b"
 )
 _PARTS = re.compile(r"[a-z]{3,}")
-_LONGEST_RUN = 3
+_MAX_RUN = 3
 
 
 def words(text: str) -> list[str]:
@@ -41,7 +41,7 @@ def word_set(texts: Iterable[str]) -> frozenset[str]:
         plain = unicodedata.normalize("NFKC", _ESCAPE.sub(" ", text))
         for spread in (plain, _SPREAD.sub(" ", plain)):
             spoken = [word.casefold() for word in _WORD.findall(spread)]
-            for length in range(1, _LONGEST_RUN + 1):
+            for length in range(1, _MAX_RUN + 1):
                 found |= {"".join(spoken[at : at + length]) for at in range(len(spoken) - length + 1)}
     return frozenset(found | {_folded(word) for word in found})
 
@@ -55,7 +55,7 @@ def missing(of: Sequence[str], in_these: frozenset[str]) -> list[str]:
     """The words that are missing, plurals folded; several in a row may be one word there ('Quick Cam', 'QuickCam')."""
     folded = [word.casefold() for word in of]
     borne: set[int] = set()
-    for length in range(1, _LONGEST_RUN + 1):
+    for length in range(1, _MAX_RUN + 1):
         for start in range(len(folded) - length + 1):
             run = folded[start : start + length]
             if _folded("".join(run)) in in_these or "".join(run) in in_these:

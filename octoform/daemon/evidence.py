@@ -19,9 +19,9 @@ from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
 from octoform.state.layout import Layout
 
-MOST_GIVEN = 200
+MAX_GIVEN = 200
 """Readings that an agent is given; the newest ones."""
-MOST_OFFERED = 20
+MAX_OFFERED = 20
 _ENDPOINT = "endpoint"
 
 
@@ -102,7 +102,7 @@ class Evidence:
                 "message": finding.summary[:300],
                 "severity": "recoverable",
                 "suggested_fix": finding.detail[:300],
-                "cites": [each["id"] for each in failures][-MOST_OFFERED:],
+                "cites": [each["id"] for each in failures][-MAX_OFFERED:],
             }
         return {
             "error": dict(error),
@@ -137,7 +137,7 @@ class Evidence:
 
     def _readings(self, layout: Layout) -> list[dict[str, Any]]:
         """The newest of each signal; of a camera's also the one before, which vouches for the former picture."""
-        newest = sorted(self.current(layout), key=lambda each: each.uptime)[-MOST_GIVEN:]
+        newest = sorted(self.current(layout), key=lambda each: each.uptime)[-MAX_GIVEN:]
         seen = [each.signal for each in newest if each.signal.channel is Channel.FRAME]
         former = [each for signal in seen for each in self.ledger.readings_of(signal)[-2:-1]]
         lost = measured(newest, self.ledger.readings_of) - answered(newest)
@@ -188,4 +188,4 @@ def _standing(facts: Facts) -> Iterable[tuple[Signal, Value]]:
 
 def _listed(report: Mapping[str, Any], name: str) -> list[Any]:
     found = report.get(name)
-    return found[:MOST_OFFERED] if isinstance(found, list) else []
+    return found[:MAX_OFFERED] if isinstance(found, list) else []

@@ -261,7 +261,7 @@ def watch(
         return None, [problem] if problem else []
     try:
         with _stopping() as stopping:
-            return _watched(found, environ, _Shown(view, folder, owned, found.layout.call_log), stopping, once)
+            return _watched(found, environ, _WatchedView(view, folder, owned, found.layout.call_log), stopping, once)
     finally:
         owned.release()
 
@@ -282,7 +282,7 @@ class _Stopping:
             self.stop()
 
 
-class _Shown:
+class _WatchedView:
     """The view, and behind it a look whether this is the host's daemon still, and the manifest the one that it was."""
 
     def __init__(self, view: View, project: Path, owned: instance_lock.Owned, log: Path) -> None:
@@ -359,7 +359,7 @@ def _log_entries(made: Cycle) -> Iterator[dict[str, object]]:
 
 
 def _watched(
-    found: Wanted, environ: Mapping[str, str], shown: _Shown, stopping: _Stopping, once: bool
+    found: Wanted, environ: Mapping[str, str], shown: _WatchedView, stopping: _Stopping, once: bool
 ) -> tuple[Watched | None, list[Diagnostic]]:
     problem: Diagnostic | None = None
     while True:
@@ -398,7 +398,7 @@ def _wanted(project: Path, environ: Mapping[str, str]) -> tuple[Wanted | None, D
 def _run(
     found: Wanted,
     environ: Mapping[str, str],
-    shown: _Shown,
+    shown: _WatchedView,
     stopping: _Stopping,
     how: tuple[bool, Diagnostic | None],
 ) -> Diagnostic | None:

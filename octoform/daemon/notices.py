@@ -38,11 +38,11 @@ SECONDS = 10.0
 """What one message may take."""
 WAITS = (5.0, 30.0)
 """Seconds before it is tried again."""
-MOST = 50
+MAX_WAITING = 50
 """Messages of one way that may wait; when there are more, the oldest is given up, and that is stated."""
 _LISTEN_SECONDS = 0.05
 FILE = "notified.json"
-LONGEST = 300
+MAX_LENGTH = 300
 _NOTIFY_SEND = "notify-send"
 _URGENT = ("frozen", "surfaced", "confirm", "asks")
 _PLAIN = ("PATH", "HOME", "USER", "LANG", "LC_ALL", "TZ")
@@ -135,7 +135,7 @@ class _Way:
 
     def put(self, alert: Alert) -> None:
         with self._changed:
-            if len(self._queue) >= MOST:
+            if len(self._queue) >= MAX_WAITING:
                 lost = self._queue.popleft()
                 self._record.failed(self._name, lost.stamp, "too many notifications at once; the oldest is dropped")
             self._queue.append(alert)
@@ -169,9 +169,9 @@ class _Way:
                 if not self._queue:
                     return
                 alert = self._queue.popleft()
-            self._tell(alert)
+            self._send(alert)
 
-    def _tell(self, alert: Alert) -> None:
+    def _send(self, alert: Alert) -> None:
         why = self._deliver(alert)
         for seconds in WAITS:
             if why is None or self._closing or self._wait(seconds):
@@ -200,7 +200,7 @@ class _Record:
         with self._guard:
             before = self._failing.get(way)
             since, lost = (before.since, before.lost) if before is not None else (stamp, 0)
-            self._failing[way] = Failing(way, since, why[:LONGEST], lost + 1)
+            self._failing[way] = Failing(way, since, why[:MAX_LENGTH], lost + 1)
             self._write()
 
     def _write(self) -> None:

@@ -24,7 +24,7 @@ from octoform.state.layout import Layout
 CALLS, SERVER = "calls", "server"
 TAIL_BYTES = 4_000_000
 """How far back a log is read."""
-LONGEST_LINE = 1_000_000
+MAX_LINE = 1_000_000
 """Bytes after which a line counts as ended."""
 _STAMP = re.compile(r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:\d\d)?)")
 
@@ -102,7 +102,7 @@ class Tail:
             return b""
         self._rest += self._redactor.feed(self._file.read())
         end = self._rest.rfind(b"\n") + 1
-        if not end and len(self._rest) > LONGEST_LINE:
+        if not end and len(self._rest) > MAX_LINE:
             whole, self._rest = self._rest + b"\n", b""
             return whole
         whole, self._rest = self._rest[:end], self._rest[end:]

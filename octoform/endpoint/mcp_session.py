@@ -11,7 +11,7 @@ from collections import deque
 
 HEAD = 512
 """Bytes of a message of the endpoint that are kept: its id and its kind come first in what it writes."""
-_MOST_KEPT, _LARGE = 512, 1 << 14
+_MAX_KEPT, _LARGE = 512, 1 << 14
 _LOST = "the endpoint ended during this call; its outcome is unknown, so it is not sent again"
 _REPEATED = frozenset(("initialize", "ping", "server/discover", "tools/list", "subscriptions/listen"))
 """Requests that change nothing wherever they get to, and may therefore be sent twice."""
@@ -129,7 +129,7 @@ class Conversation:
 
     def _keep(self, client: bool, data: bytes) -> None:
         self._kept.append((client, data))
-        if len(self._kept) > _MOST_KEPT or len(data) > _LARGE:
+        if len(self._kept) > _MAX_KEPT or len(data) > _LARGE:
             self._settle()
 
     def _settle(self) -> None:
@@ -137,11 +137,11 @@ class Conversation:
         while self._kept:
             client, data = self._kept.popleft()
             if client:
-                self._client_said(data)
+                self._from_client(data)
             else:
-                self._endpoint_said(data)
+                self._from_endpoint(data)
 
-    def _client_said(self, line: bytes) -> None:
+    def _from_client(self, line: bytes) -> None:
         message = _object(line)
         if message is None:
             return
@@ -155,7 +155,7 @@ class Conversation:
             if message["method"] == "initialize":
                 self._initialize, self._version = message, None
 
-    def _endpoint_said(self, head: bytes) -> None:
+    def _from_endpoint(self, head: bytes) -> None:
         found = _headed(head)
         if found is None:
             return
@@ -226,9 +226,9 @@ def _version(head: bytes) -> str | None:
 # they come, since pictures are large; only the beginning of each message is looked at.
 
 CHUNK = 1 << 16
-MOST_WAITING = 1 << 20
+MAX_WAITING = 1 << 20
 """Bytes that may wait for a slow reader before its writer is made to wait too."""
-LONGEST_LINE = 9 << 20
+MAX_LINE = 9 << 20
 """Bytes of a client's message that are waited for; no endpoint takes one that is longer."""
 
 
@@ -271,7 +271,7 @@ class Up:
     @property
     def full(self) -> bool:
         """Whether so much waits that the client has to wait too."""
-        return self._bytes >= MOST_WAITING
+        return self._bytes >= MAX_WAITING
 
     def fill(self) -> None:
         """Take what the client reports now."""
@@ -285,7 +285,7 @@ class Up:
             self._parts, self._part_bytes = [], 0
         self._parts.append(rest)
         self._part_bytes += len(rest)
-        if self.ended or self._part_bytes > LONGEST_LINE:
+        if self.ended or self._part_bytes > MAX_LINE:
             self._put(b"".join(self._parts))
             self._parts, self._part_bytes = [], 0
 
@@ -357,7 +357,7 @@ class Down:
     @property
     def full(self) -> bool:
         """Whether so much waits that the endpoint has to wait too."""
-        return len(self.waiting) >= MOST_WAITING
+        return len(self.waiting) >= MAX_WAITING
 
     def put(self, part: bytes) -> list[bytes]:
         """Take a message of the endpoint; returns the answer that it needs in the client's place.

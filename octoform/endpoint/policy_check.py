@@ -21,7 +21,7 @@ from octoform.endpoint.policy import (
 )
 from octoform.manifest.model import Policy
 
-_MOST_NAMED = 8
+_MAX_NAMED = 8
 
 
 def doubts(policy: Policy, tools: Sequence[Tool], holding: Holding) -> list[Diagnostic]:
@@ -179,5 +179,5 @@ def _unreported(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
 
 
 def _listed(names: Sequence[str]) -> str:
-    shown = ", ".join(names[:_MOST_NAMED])
-    return shown if len(names) <= _MOST_NAMED else f"{shown} and {len(names) - _MOST_NAMED} more"
+    shown = ", ".join(names[:_MAX_NAMED])
+    return shown if len(names) <= _MAX_NAMED else f"{shown} and {len(names) - _MAX_NAMED} more"

@@ -9,7 +9,7 @@ import errno
 import os
 import socket
 
-LONGEST = 100
+MAX_PATH_BYTES = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 GREETING = b"\n"
 """What the endpoint reports first to each client: a line without a message, which every reader of lines passes over."""
@@ -46,7 +46,7 @@ def greeted(path: str | os.PathLike[str], seconds: float) -> socket.socket:
 
 
 def _connect(client: socket.socket, path: str) -> None:
-    if len(os.fsencode(path)) <= LONGEST:
+    if len(os.fsencode(path)) <= MAX_PATH_BYTES:
         client.connect(path)
         return
     above, _, name = path.rpartition("/")

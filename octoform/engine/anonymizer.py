@@ -14,7 +14,7 @@ from typing import Any
 from octoform.apply.stage.artifact_writer import pseudonym_key
 from octoform.base import files
 from octoform.contracts.artifact_parser import parse
-from octoform.contracts.host_identity import hidden, hider, members, secrets_in_text, spelt, with_stand_ins
+from octoform.contracts.host_identity import hidden, hider, members, secrets_in_text, spelt, with_placeholders
 from octoform.harness.event_parser import TEXT_LIMIT, json_object
 from octoform.records import dataclass
 from octoform.redaction import Redactor, redacted, spellings
@@ -60,7 +60,7 @@ class Anonymizer:
 
     def refused(self, text: str, *, probe: bool) -> str:
         """A refused output, which has to be refused again: with stand-ins of the same form."""
-        return with_stand_ins(self._placed(text), self.instances, self.key, in_members=probe)
+        return with_placeholders(self._placed(text), self.instances, self.key, in_members=probe)
 
     def shows(self, data: bytes) -> bool:
         """True when something of this host can still be read in a file, however its JSON spells it."""

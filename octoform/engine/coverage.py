@@ -20,7 +20,7 @@ from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.endpoint.expected_tools import hidden
 from octoform.engine.coverage_runs import Output, Pass, Run, Stability, compare, grouped, passes, runs
 from octoform.engine.coverage_runs import run_of as stable_run
-from octoform.engine.inspect.attempts import MOST_TASK_BYTES, Attempt, of_host, run_of
+from octoform.engine.inspect.attempts import MAX_TASK_BYTES, Attempt, of_host, run_of
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.inspect.state import open_project
 from octoform.engine.plan import device_knowledge
@@ -236,7 +236,7 @@ def _devices(ground: Ground) -> Iterable[Device]:
         name = seen["id"]
         base = {"id": name, "seen_as": seen["name"], "bus": seen["interface"], "answered": name in ground.answers}
         if name in annotated:
-            found = _annotated(annotated[name], tools.get(name, ()), left.get(name, {}))
+            found = _identified(annotated[name], tools.get(name, ()), left.get(name, {}))
             if found["tools"] and name in ground.closed:
                 found |= {"standing": Standing.NAMED, "reason": "not_permitted", "detail": ground.closed[name]}
             yield Device(**base, tier=ground.tiers.get(name), **found)
@@ -260,7 +260,7 @@ def tools_by_device(interface: Mapping[str, Any] | None) -> dict[str, tuple[str,
     return {name: tuple(names) for name, names in found.items()}
 
 
-def _annotated(item: Mapping[str, Any], tools: tuple[str, ...], left: Mapping[str, Any]) -> dict[str, Any]:
+def _identified(item: Mapping[str, Any], tools: tuple[str, ...], left: Mapping[str, Any]) -> dict[str, Any]:
     category, question = item["category"], item.get("missing", "")
     without = Standing.UNKNOWN if category == UNKNOWN else Standing.NAMED
     detail = left.get("detail", "")
@@ -337,8 +337,8 @@ def _older(name: str, state: NodeState, snapshot: Snapshot) -> Iterator[str]:
         yield f"{name.upper()}: made from an earlier output of {moved[0].upper()}; octoform apply renews it"
 
 
-MOST_OUTPUT_BYTES = 8 << 20
-MOST_SPEC_BYTES = 1 << 20
+MAX_OUTPUT_BYTES = 8 << 20
+MAX_SPEC_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -449,7 +449,7 @@ def _outputs(schemas: Path) -> Output:
 
     def read(item: Attempt) -> Mapping[str, Any] | None:
         if item.number not in known:
-            data = read_plain(item.folder / "output.json", MOST_OUTPUT_BYTES) or b""
+            data = read_plain(item.folder / "output.json", MAX_OUTPUT_BYTES) or b""
             value, _ = parse(item.stage, data, "output.json")
             whole = isinstance(value, dict) and has_shape(item.stage, value, schemas)
             known[item.number] = value if isinstance(value, dict) and whole else None
@@ -474,8 +474,8 @@ def _stability(
 
 def _given(folder: Path) -> str:
     """Digest of what an agent was given beside the devices: spec, answers, profiles."""
-    task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"") or {}
-    spec = read_plain(folder / "spec.md", MOST_SPEC_BYTES) or b""
+    task = json_object(read_plain(folder / "task.json", MAX_TASK_BYTES) or b"") or {}
+    spec = read_plain(folder / "spec.md", MAX_SPEC_BYTES) or b""
     fields = {name: task.get(name) or None for name in ("answers", "profiles")}
     return digest.of_value({"spec": digest.of_bytes(spec), **fields})
 

@@ -93,7 +93,7 @@ def diagnose(project: Path, environ: Mapping[str, str]) -> Diagnosis:
     manifest, found = load(project / MANIFEST, environ)
     if manifest is None:
         return Diagnosis("", diagnostics=tuple(found))
-    rounds = _Rounds(manifest, environ)
+    rounds = _Checks(manifest, environ)
     groups = tuple(
         Group(agent.harness.name, agent.model, tuple(uses), tuple(rounds.checks(agent)))
         for agent, uses in _agents(manifest).items()
@@ -137,7 +137,7 @@ def _agents(manifest: Manifest) -> dict[Agent, list[str]]:
 
 
 @dataclass(slots=True)
-class _Rounds:
+class _Checks:
     """The checks over all agents; a program and an API that several of them share are looked at once."""
 
     manifest: Manifest

@@ -13,9 +13,9 @@ from dataclasses import field
 from pathlib import Path
 
 from octoform import __version__
-from octoform.apply.stage.acceptance import MOST_BYTES, MOST_JSON_BYTES
+from octoform.apply.stage.acceptance import MAX_BYTES, MAX_JSON_BYTES
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
-from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES
+from octoform.apply.stage.spec_copy import MAX_SPEC_BYTES
 from octoform.base.files import TEMPORARY, read_plain, replace, sync_folder
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.engine import anonymizer
@@ -25,7 +25,7 @@ from octoform.harness import recording, transcript
 from octoform.harness.event_parser import json_object
 from octoform.harness.port import ExitReason
 from octoform.harness.recording import FILE_NAME, NAME
-from octoform.harness.recording import MOST_BYTES as MAX_RECORDING_BYTES
+from octoform.harness.recording import MAX_BYTES as MAX_RECORDING_BYTES
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.records import dataclass
@@ -228,7 +228,7 @@ def _attempt(
 
     if output is not None and output.kind == "file":
         output = output.model_copy(update={"file": add(output.name, data)})
-    edited = read_plain(item.folder / SPEC_COPY, MOST_SPEC_BYTES) if record.spec_edit is not None else None
+    edited = read_plain(item.folder / SPEC_COPY, MAX_SPEC_BYTES) if record.spec_edit is not None else None
     moments = transcript.read(item.folder / "transcript.jsonl")
     return recording.Attempt(
         reason=ExitReason(record.reason),
@@ -268,7 +268,7 @@ def _left(item: Attempt, within: Anonymizer) -> tuple[recording.Output | None, b
         return None, b""
     if not stat.S_ISREG(facts.st_mode) or facts.st_nlink > 1:
         return recording.Output(kind="link", name=name), b""
-    if facts.st_size > MOST_BYTES.get(item.stage, MOST_JSON_BYTES):
+    if facts.st_size > MAX_BYTES.get(item.stage, MAX_JSON_BYTES):
         return recording.Output(kind="large", name=name, size=facts.st_size), b""
     text = _output_bytes(item).decode("utf-8", "surrogateescape")
     exchanged = within.refused(text, probe=item.stage == "probe")
@@ -277,7 +277,7 @@ def _left(item: Attempt, within: Anonymizer) -> tuple[recording.Output | None, b
 
 def _output_bytes(item: Attempt) -> bytes:
     """What an attempt wrote; empty when it is nothing that would be read."""
-    return read_plain(item.folder / OUTPUT_NAMES.get(item.stage, "output.json"), MOST_JSON_BYTES) or b""
+    return read_plain(item.folder / OUTPUT_NAMES.get(item.stage, "output.json"), MAX_JSON_BYTES) or b""
 
 
 def _missing(stage: str) -> Diagnostic:

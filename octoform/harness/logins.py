@@ -13,7 +13,7 @@ from octoform.manifest.credentials import LOGINS, Login, is_sendable
 from octoform.manifest.model import STEP, HarnessSpec, Manifest
 from octoform.records import dataclass
 
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 LEAST_SECONDS = 600.0
 """A token that ends sooner is none to start with."""
 
@@ -60,7 +60,7 @@ def find(spec: HarnessSpec, environ: Mapping[str, str], now: float | None = None
         return Found({}, login.variable, None)
     path = _path(login, environ)
     try:
-        document = read_json(path, MOST_BYTES)
+        document = read_json(path, MAX_BYTES)
     except FileNotFoundError:
         return _refused(spec, f"there is no {path}", login)
     except (OSError, ValueError) as problem:

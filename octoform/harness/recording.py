@@ -21,8 +21,8 @@ from octoform.state.model import Persisted, Usage
 
 FORMAT = 1
 FILE_NAME = "recording.json"
-MOST_BYTES = 4 << 20
-MOST_FILE_BYTES = 16 << 20
+MAX_BYTES = 4 << 20
+MAX_FILE_BYTES = 16 << 20
 NAME = r"^[a-z]+-[1-9][0-9]*/[A-Za-z0-9_][A-Za-z0-9._-]*$"
 
 
@@ -91,7 +91,7 @@ def encode(recording: Recording) -> bytes:
 
 def load(folder: Path) -> Recording | Diagnostic:
     """The recording of a folder, all of its files there; or why it is none."""
-    data, problem = read_regular(folder / FILE_NAME, MOST_BYTES)
+    data, problem = read_regular(folder / FILE_NAME, MAX_BYTES)
     if data is None:
         return problem or _missing(folder)
     try:
@@ -115,7 +115,7 @@ def content(folder: Path, name: str) -> bytes | None:
     """The bytes of one of its files; None when it is gone, larger than any is, or no plain file below the folder."""
     if not _plain(folder, name):
         return None
-    data, _ = read_regular(folder / name, MOST_FILE_BYTES)
+    data, _ = read_regular(folder / name, MAX_FILE_BYTES)
     return data
 
 

@@ -36,7 +36,7 @@ from octoform.redaction import redacted
 
 CLOSING_SECONDS = 10.0
 """How long a program may take to leave after it has reported that its run is over."""
-LONGEST_LINE = 8 << 20
+MAX_LINE = 8 << 20
 TRANSCRIPT_BYTES = 4 << 20
 KINDS = {
     Output: "said",
@@ -84,7 +84,7 @@ class Watcher:
         self._began = clock()
         self._seen = _Seen(active=self._began)
         self._lines = {"stdout": _Lines(), "stderr": _Lines()}
-        self._plain = Progress(self._say, clock)
+        self._plain = Progress(self._on_output, clock)
         self._transcript: _Transcript | None = None
         self._secrets: Mapping[str, str] = {}
         self.reason: ExitReason | None = None
@@ -197,7 +197,7 @@ class Watcher:
         if isinstance(event, Output):
             self._plain.feed(event.text.encode() + b"\n")
         else:
-            self._tell(event)
+            self._emit(event)
 
     def _note(self, event: AgentEvent) -> None:
         seen = self._seen
@@ -221,13 +221,13 @@ class Watcher:
                 seen.closed, seen.closed_at = event, self._clock()
         seen.active = self._clock()
 
-    def _say(self, text: str, _: float) -> None:
+    def _on_output(self, text: str, _: float) -> None:
         event = Output(text)
         if text and self._dialect is None and self._transcript is not None:
             self._transcript.write(event, self._clock() - self._began)
-        self._tell(event)
+        self._emit(event)
 
-    def _tell(self, event: AgentEvent) -> None:
+    def _emit(self, event: AgentEvent) -> None:
         self._sink(event, self._clock() - self._began, self.usage)
 
 
@@ -260,11 +260,11 @@ class _Lines:
         *whole, rest = data.split(b"\n")
         out = []
         for piece in whole:
-            if self._size <= LONGEST_LINE:
+            if self._size <= MAX_LINE:
                 out.append(b"".join((*self._held, piece)))
             self._held, self._size = [], 0
         self._size += len(rest)
-        if self._size > LONGEST_LINE:
+        if self._size > MAX_LINE:
             self._held = []
         elif rest:
             self._held.append(rest)

@@ -13,9 +13,9 @@ from octoform.manifest import credentials
 from octoform.manifest.model import FILE_NAME
 from octoform.manifest.yaml_tree import Loc
 
-MOST = 30
-LONGEST_LINE = 500
-LONGEST_VALUE = 60
+MAX_PROBLEMS = 30
+MAX_LINE = 500
+MAX_VALUE = 60
 
 
 class ProblemList:
@@ -71,21 +71,24 @@ class ProblemList:
     def shown(value: object) -> str:
         """A value of the file as it may be in a message: on one line, bounded, secrets masked."""
         text = " ".join(credentials.masked(str(value)).split())
-        return text if len(text) <= LONGEST_VALUE else text[: LONGEST_VALUE - 3] + "..."
+        return text if len(text) <= MAX_VALUE else text[: MAX_VALUE - 3] + "..."
 
     def diagnostics(self) -> list[Diagnostic]:
-        """Everything found, by place; of more than `MOST` the first ones and the count of the rest."""
+        """Everything found, by place; of more than `MAX_PROBLEMS` the first ones and the count of the rest."""
         ordered = sorted(self._found, key=_place)
-        shown = [replace(item, source=self.source(item.span)) for item in ordered[:MOST]]
-        if len(ordered) > MOST:
-            rest, span = f"{len(ordered) - MOST} more problems begin here and are not shown", ordered[MOST].span
+        shown = [replace(item, source=self.source(item.span)) for item in ordered[:MAX_PROBLEMS]]
+        if len(ordered) > MAX_PROBLEMS:
+            rest, span = (
+                f"{len(ordered) - MAX_PROBLEMS} more problems begin here and are not shown",
+                ordered[MAX_PROBLEMS].span,
+            )
             hint = "fix those above first"
             shown.append(Diagnostic(Severity.ERROR, "MANIFEST-MORE", rest, path=self.path, span=span, hint=hint))
         return shown
 
     def source(self, span: Span | None) -> str | None:
         """The line of a place as it may be shown, once everything has been read; None where it shows nothing."""
-        if span is None or not self._line(span.line) or len(self._line(span.line)) > LONGEST_LINE:
+        if span is None or not self._line(span.line) or len(self._line(span.line)) > MAX_LINE:
             return None
         text = self._line(span.line)
         for start, end in self._masks.get(span.line, ()):
@@ -111,7 +114,7 @@ _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 # Control characters except tab and line feed, separators that editors disagree about, characters that change the
 # direction of what is displayed, and code points that are no characters.
 FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
-_MOST_CHARACTERS = 10
+_MAX_CHARACTERS = 10
 
 
 def text_of(content: bytes, report: ProblemList) -> str | None:
@@ -121,7 +124,7 @@ def text_of(content: bytes, report: ProblemList) -> str | None:
         return None
     report.read(text)
     found = list(FORBIDDEN.finditer(text))
-    for match in found[:_MOST_CHARACTERS]:
+    for match in found[:_MAX_CHARACTERS]:
         line, column = _line_and_column(text, match.start())
         report.error(
             "MANIFEST-CONTROL-CHARACTER",

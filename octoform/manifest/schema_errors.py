@@ -92,7 +92,7 @@ RANGES = {
 }
 # What people look for at the top, and why it is not there.
 NO_KEYS = {"devices": "devices are found, not listed; what cannot be seen of them belongs in a profile"}
-LONGEST_WORD = 80
+MAX_WORD = 80
 # Words for true and false that YAML 1.2 takes as text, as it takes a quoted true.
 SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "false", "false": "false"}
 
@@ -266,7 +266,7 @@ class _Problem:
     def _is_misspelt(self, name: str, parent: Table) -> bool:
         """True when a key is there that is reported as a slip of this one."""
         known = keys_at(self._root, self._loc[:-1])
-        keys = [key.text[:LONGEST_WORD] for key, _ in parent.entries if key.text not in known]
+        keys = [key.text[:MAX_WORD] for key, _ in parent.entries if key.text not in known]
         return any(did_you_mean(key, known) == name for key in keys)
 
     def _unknown_key(self) -> None:
@@ -284,7 +284,7 @@ class _Problem:
     def _where_key_belongs(self, name: str, siblings: tuple[str, ...]) -> str:
         if siblings == ("name",):
             return "the embedded agent has no settings; write `harness: builtin`"
-        near = did_you_mean(name[:LONGEST_WORD], siblings)
+        near = did_you_mean(name[:MAX_WORD], siblings)
         if near:
             return f"did you mean `{near}`?"
         elsewhere = home_of(self._loc)
@@ -331,7 +331,7 @@ class _Problem:
         return tuple(name for name in NAMES if name != "builtin" or "escalate" not in self._loc)
 
     def _not_one_of(self, value: Scalar, allowed: tuple[str, ...]) -> None:
-        near = did_you_mean(value.text[:LONGEST_WORD], allowed)
+        near = did_you_mean(value.text[:MAX_WORD], allowed)
         self._report.error(
             "MANIFEST-WRONG-VALUE",
             f"`{self._report.shown(value.text)}` is no value of `{dotted(self._loc)}`",

@@ -84,8 +84,8 @@ def _is_tab(report: ProblemList, line: int, column: int) -> bool:
     return text[column - 1 : column] == "\t" or _INDENTATION.match(text) is not None
 
 
-DEEPEST = 12
-MOST_VALUES = 5000
+MAX_DEPTH = 12
+MAX_VALUES = 5000
 
 
 def read_tree(text: str, report: ProblemList) -> Table | None:
@@ -185,8 +185,8 @@ class _Builder:
     def _node(self, event: NodeEvent) -> bool:
         span = _span(event)
         self._values += 1
-        if self._values > MOST_VALUES or len(self._stack) >= DEEPEST:
-            what = f"more than {MOST_VALUES} values" if self._values > MOST_VALUES else f"more than {DEEPEST} levels"
+        if self._values > MAX_VALUES or len(self._stack) >= MAX_DEPTH:
+            what = f"more than {MAX_VALUES} values" if self._values > MAX_VALUES else f"more than {MAX_DEPTH} levels"
             hint = "a manifest is a short file of settings; devices are found, not listed"
             self._report.error("MANIFEST-TOO-LARGE", f"the manifest has {what}", span, hint=hint)
             return False

@@ -35,8 +35,8 @@ from octoform.perception.capture import (
 from octoform.state.files import display, make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 
-MOST_CHANGES = 40
-MOST_BYTES = 2048
+MAX_CHANGES = 40
+MAX_BYTES = 2048
 """Of all lines about changes together, in UTF-8."""
 REASON_CHARS = 200
 
@@ -245,9 +245,9 @@ def _bounded(lines: list[str]) -> tuple[str, ...]:
     """The newest of the lines, as many as may be kept."""
     kept: list[str] = []
     size = 0
-    for line in reversed(lines[-MOST_CHANGES:]):
+    for line in reversed(lines[-MAX_CHANGES:]):
         size += len(line.encode("utf-8", "surrogatepass")) + 1
-        if size > MOST_BYTES:
+        if size > MAX_BYTES:
             break
         kept.append(line)
     return tuple(reversed(kept))

@@ -15,7 +15,7 @@ from octoform.profiles.definition_values import Tool, Value
 from octoform.profiles.model import Grammar, plain
 
 PLACE: Place = ("grammar",)
-MOST_BYTES = 24 * 1024
+MAX_BYTES = 24 * 1024
 """An agent is notified every parameter of every command, and its prompt is bounded."""
 
 
@@ -34,9 +34,9 @@ def read(given: object) -> tuple[Grammar | None, list[Problem]]:
         return None, found.problems
     read_kind = register_parser.read if "registers" in given else lines.read
     grammar: Grammar = read_kind(found, given, PLACE)
-    if not found.problems and len(json.dumps(plain(grammar))) > MOST_BYTES:
+    if not found.problems and len(json.dumps(plain(grammar))) > MAX_BYTES:
         hint = "a tool that moves all units has a parameter for each: keep one of them, and what an agent needs"
-        found.add(PLACE, f"the commands and their parameters, written out, are more than {MOST_BYTES} bytes", hint)
+        found.add(PLACE, f"the commands and their parameters, written out, are more than {MAX_BYTES} bytes", hint)
     return (None if found.problems else grammar), found.problems
 
 

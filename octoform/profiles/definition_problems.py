@@ -11,9 +11,9 @@ from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
 
-MOST_CHARS = 200
-MOST_UNIT = 40
-MOST_BAUD = 100_000_000
+MAX_CHARS = 200
+MAX_UNIT = 40
+MAX_BAUD = 100_000_000
 LARGEST = 2**53
 PRINTABLE = re.compile(r"[ -~]+")
 NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
@@ -62,7 +62,7 @@ class Found:
     def text(self, given: Mapping[str, Any], name: str, place: Place, default: str | None = None) -> str:
         """A short text of printable ASCII; with ``default`` None it must be there."""
         value = given.get(name, default)
-        if isinstance(value, str) and value.strip() and len(value) <= MOST_CHARS and PRINTABLE.fullmatch(value):
+        if isinstance(value, str) and value.strip() and len(value) <= MAX_CHARS and PRINTABLE.fullmatch(value):
             return value
         if value == default == "":
             return ""
@@ -70,7 +70,7 @@ class Found:
             self.add((*place, name), f"{name!r} is missing", f'write {name}: "..."')
             return ""
         hint = "a line's end and control characters do not belong into it; the field `ending` ends a line"
-        self.add((*place, name), f"{name!r} is not a string of 1 to {MOST_CHARS} printable ASCII characters", hint)
+        self.add((*place, name), f"{name!r} is not a string of 1 to {MAX_CHARS} printable ASCII characters", hint)
         return ""
 
     def whole(
@@ -106,9 +106,9 @@ class Found:
     def unit(self, given: Mapping[str, Any], place: Place) -> str:
         """The unit of a number: a short text, or nothing."""
         value = given.get("unit", "")
-        if isinstance(value, str) and len(value) <= MOST_UNIT and (not value or PRINTABLE.fullmatch(value)):
+        if isinstance(value, str) and len(value) <= MAX_UNIT and (not value or PRINTABLE.fullmatch(value)):
             return value
-        self.add((*place, "unit"), f"'unit' is not a string of at most {MOST_UNIT} characters", "write for example V")
+        self.add((*place, "unit"), f"'unit' is not a string of at most {MAX_UNIT} characters", "write for example V")
         return ""
 
     def named(self, name: object, known: Collection[str], place: Place, what: str) -> str:

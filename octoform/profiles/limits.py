@@ -65,7 +65,7 @@ def _times(item: Mapping[str, Any]) -> Problem | None:
         return "'rate' of the limit is no rate", "write how many calls in which time, at most 24h: 10/1m"
     if "cooldown" in item:
         seconds = durations.seconds(cooldown) if isinstance(cooldown, str) else None
-        if seconds is None or not 1 <= seconds <= durations.LONGEST_SECONDS:
+        if seconds is None or not 1 <= seconds <= durations.MAX_SECONDS:
             return "'cooldown' of the limit is no duration from 1s to 24h", durations.HINT
     if "quiet_hours" in item and not (isinstance(quiet, str) and durations.hours(quiet)):
         return "'quiet_hours' of the limit are no hours of a day", "write two different times: 22:00-07:00"

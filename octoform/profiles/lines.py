@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
-from octoform.profiles.definition_problems import MOST_BAUD, PRINTABLE, Found, is_number, is_value_name
+from octoform.profiles.definition_problems import MAX_BAUD, PRINTABLE, Found, is_number, is_value_name
 from octoform.profiles.definition_values import Tool, Value, plain_values, present
 from octoform.records import dataclass
 
@@ -79,7 +79,7 @@ class Halt:
 
 
 @dataclass(frozen=True, slots=True)
-class LineGrammar:
+class LineDefinition:
     """All that may be sent to a product that is driven by lines of text."""
 
     line: Line
@@ -97,7 +97,7 @@ class LineGrammar:
         return tuple(found)
 
 
-def plain(grammar: LineGrammar) -> dict[str, Any]:
+def plain(grammar: LineDefinition) -> dict[str, Any]:
     """The protocol definition as JSON; members without a value are omitted."""
     line, position, stop = grammar.line, grammar.position, grammar.stop
     fields = {"class": line.kind, "baud": line.baud, "ending": line.ending, "ok": line.ok, "error": line.error}
@@ -143,7 +143,7 @@ ENDINGS = ("\n", "\r", "\r\n")
 EFFECTS = ("read", "actuate", "irreversible")
 TYPES = ("integer", "number", "string", "boolean")
 FALSE_AND_TRUE = ("0", "1")
-MOST_COMMANDS, MOST_VALUES, MOST_CHOICES, MOST_AXES, MOST_LINES = 40, 12, 50, 12, 12
+MAX_COMMANDS, MAX_VALUES, MAX_CHOICES, MAX_AXES, MAX_LINES = 40, 12, 50, 12, 12
 _PLACEHOLDER = re.compile(r"\{([a-z][a-z0-9_]*)\}")
 # What stands between quotes in the server's own code, on one line.
 _WORD = re.compile(r"[ -~]{1,40}")
@@ -152,11 +152,11 @@ _EXAMPLE = '{class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout
 _COMMANDS = 'write commands: [{tool: lamp_off, send: "OFF", about: "switch the lamp off", effect: actuate}]'
 
 
-def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineGrammar:
+def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineDefinition:
     """The protocol definition of a front-matter value, with every problem of it in ``found``."""
     found.mapping(whole, place, "the protocol definition", FIELDS)
     line = _line(found, whole.get("line"), (*place, "line"))
-    items = found.items(whole.get("commands"), (*place, "commands"), MOST_COMMANDS, _COMMANDS)
+    items = found.items(whole.get("commands"), (*place, "commands"), MAX_COMMANDS, _COMMANDS)
     commands = [_command(found, item, (*place, "commands", index)) for index, item in enumerate(items)]
     # Where nothing is acknowledged, what was done is unknown: it is not counted, and it ends no stop.
     known = [command for command in commands if line.ok is not None or command.reply]
@@ -167,7 +167,7 @@ def read(found: Found, whole: Mapping[str, Any], place: Place) -> LineGrammar:
     tools += [(position.tool, (*place, "position", "tool"))] if position is not None else []
     tools += [(stop.tool, (*place, "stop", "tool"))] if stop is not None else []
     found.distinct(tools)
-    return LineGrammar(line, tuple(commands), position, stop)
+    return LineDefinition(line, tuple(commands), position, stop)
 
 
 def _position(found: Found, given: object, place: Place, commands: Mapping[str, Command]) -> Position:
@@ -178,9 +178,9 @@ def _position(found: Found, given: object, place: Place, commands: Mapping[str, 
         hint = "name the command that drives every axis to its origin"
         found.add((*place, "zero"), f"the command {zero!r} takes parameters, so it is no origin", hint)
     axes = item.get("axes")
-    if not isinstance(axes, Mapping) or not 1 <= len(axes) <= MOST_AXES:
+    if not isinstance(axes, Mapping) or not 1 <= len(axes) <= MAX_AXES:
         hint = "write axes: {x: {tool: rail_move_x, parameter: steps}}"
-        found.add((*place, "axes"), f"'axes' is no mapping of 1 to {MOST_AXES} axes", hint)
+        found.add((*place, "axes"), f"'axes' is no mapping of 1 to {MAX_AXES} axes", hint)
         axes = {}
     read = [_axis(found, str(name), value, (*place, "axes", name), commands) for name, value in axes.items()]
     moved = [(axis.tool, axis.parameter) for axis in read if axis.tool]
@@ -220,7 +220,7 @@ def _line(found: Found, given: object, place: Place) -> Line:
     baud, ending = line.get("baud"), line.get("ending", "\n")
     if line.get("class") != LINE_CLASS:
         found.add((*place, "class"), f"the class of the line is not {LINE_CLASS}", f"write line: {_EXAMPLE}")
-    if isinstance(baud, bool) or not isinstance(baud, int) or not 1 <= baud <= MOST_BAUD:
+    if isinstance(baud, bool) or not isinstance(baud, int) or not 1 <= baud <= MAX_BAUD:
         hint = "write for example 115200, also where the product is a USB device that does not care"
         found.add((*place, "baud"), "the baud of the line is not a positive integer", hint)
         baud = 1
@@ -275,8 +275,8 @@ def _reply(found: Found, item: Mapping[str, Any], place: Place) -> list[str]:
     given = item.get("reply")
     if not isinstance(given, list):
         return [found.text(item, "reply", place)] if "reply" in item else []
-    if not 1 <= len(given) <= MOST_LINES:
-        summary = f"'reply' is no list of 1 to {MOST_LINES} lines"
+    if not 1 <= len(given) <= MAX_LINES:
+        summary = f"'reply' is no list of 1 to {MAX_LINES} lines"
         found.add((*place, "reply"), summary, 'write for example reply: ["T {celsius}", "H {percent}"]')
         return []
     return [found.text({"reply": line}, "reply", place) for line in given]
@@ -284,9 +284,9 @@ def _reply(found: Found, item: Mapping[str, Any], place: Place) -> list[str]:
 
 def _values(found: Found, item: Mapping[str, Any], name: str, place: Place) -> tuple[Value, ...]:
     given, where = item.get(name, {}), (*place, name)
-    if not isinstance(given, Mapping) or len(given) > MOST_VALUES:
+    if not isinstance(given, Mapping) or len(given) > MAX_VALUES:
         hint = "write {steps: {type: integer, minimum: -2000, maximum: 2000}}"
-        found.add(where, f"{name!r} is no mapping of at most {MOST_VALUES} values", hint)
+        found.add(where, f"{name!r} is no mapping of at most {MAX_VALUES} values", hint)
         return ()
     return tuple(_value(found, str(key), value, (*where, key)) for key, value in given.items())
 
@@ -332,8 +332,8 @@ def _choices(found: Found, value: Mapping[str, Any], kind: object, place: Place)
     given = value["enum"]
     words = given if isinstance(given, list) else []
     sound = [word for word in words if isinstance(word, str) and PRINTABLE.fullmatch(word) and len(word) <= 40]
-    if kind != "string" or not 1 <= len(words) <= MOST_CHOICES or len(set(sound)) < len(words):
-        summary = f"`enum` is no list of 1 to {MOST_CHOICES} different short words of a string"
+    if kind != "string" or not 1 <= len(words) <= MAX_CHOICES or len(set(sound)) < len(words):
+        summary = f"`enum` is no list of 1 to {MAX_CHOICES} different short words of a string"
         found.add((*place, "enum"), summary, "put the words in quotes")
         return ()
     return tuple(sound)

@@ -11,8 +11,8 @@ from typing import Any
 
 from octoform.records import dataclass
 
-MOST_DEPTH = 8
-MOST_TESTS = 100
+MAX_DEPTH = 8
+MAX_TESTS = 100
 TESTS = ("vid_pid", "text", "class", "driver", "interface")
 COMBINATIONS = ("any", "all", "not")
 _CLAUSE = re.compile(r"[,;!?\n]|\.(?=\s|$)|\bbut\b", re.IGNORECASE)
@@ -36,8 +36,8 @@ def read(value: object, place: Place) -> tuple[Rule | None, list[Problem]]:
     """The rule that a front-matter value states, or every problem of it as (place, summary, hint)."""
     problems: list[Problem] = []
     rule = _rule(value, place, problems, 1)
-    if rule is not None and sum(1 for _ in _tests(rule)) > MOST_TESTS:
-        problems.append((place, f"the rule has more than {MOST_TESTS} tests", None))
+    if rule is not None and sum(1 for _ in _tests(rule)) > MAX_TESTS:
+        problems.append((place, f"the rule has more than {MAX_TESTS} tests", None))
     return (None if problems else rule), problems
 
 
@@ -185,8 +185,8 @@ def _rule(value: object, place: Place, problems: list[Problem], depth: int) -> R
         problems.append((place, "a rule is a mapping with exactly one member", hint))
         return None
     kind, content = next(iter(value.items()))
-    if depth > MOST_DEPTH:
-        problems.append((place, f"the rule is nested more than {MOST_DEPTH} deep", "write it flatter"))
+    if depth > MAX_DEPTH:
+        problems.append((place, f"the rule is nested more than {MAX_DEPTH} deep", "write it flatter"))
         return None
     if kind in ("any", "all"):
         return _combination(kind, content, (*place, kind), problems, depth)

@@ -6,12 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from octoform.profiles import lines, registers
-from octoform.profiles.lines import LineGrammar
+from octoform.profiles.lines import LineDefinition
 from octoform.profiles.match_rule import Rule
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterDefinition
 from octoform.records import dataclass
 
-Grammar = LineGrammar | RegisterGrammar
+Grammar = LineDefinition | RegisterDefinition
 """How a product is spoken to: lines of text, or the registers of units on a bus."""
 
 
@@ -20,7 +20,7 @@ def plain(grammar: Grammar, *, of_product: bool = False) -> dict[str, Any]:
 
     ``of_product`` leaves out what is true of the owner's own copy alone.
     """
-    if isinstance(grammar, RegisterGrammar):
+    if isinstance(grammar, RegisterDefinition):
         return registers.plain(grammar, of_product=of_product)
     return lines.plain(grammar)
 
@@ -77,4 +77,4 @@ class Profile:
     @property
     def describes(self) -> bool:
         """Whether it defines a protocol that is not public; behind a public library a name is enough."""
-        return isinstance(self.grammar, LineGrammar)
+        return isinstance(self.grammar, LineDefinition)

@@ -18,14 +18,14 @@ from octoform.profiles import definition_parser, limits, match_rule
 from octoform.profiles.definition_problems import Found, near
 from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Grammar, Profile, Rig, Stop
-from octoform.profiles.register_parser import MOST_ID
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.register_parser import MAX_ID
+from octoform.profiles.registers import RegisterDefinition
 
 # Read the ``rig`` of a profile: what holds for the owner's own copy alone, apart from what holds for the product.
 
 OF_UNITS = ("disabled", "units")
 BENCH_FIELDS = ("facts", "limits", *OF_UNITS)
-MOST_FACTS, FACT_CHARS = 20, 300
+MAX_FACTS, FACT_CHARS = 20, 300
 PLACE = ("rig",)
 
 
@@ -36,16 +36,16 @@ def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...
         return Rig()
     facts = given.get("facts", [])
     sound = [item for item in facts if _is_sentence(item)] if isinstance(facts, list) else []
-    if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MOST_FACTS:
-        summary = f"the facts of the rig are no list of at most {MOST_FACTS} sentences"
+    if not isinstance(facts, list) or len(sound) < len(facts) or len(facts) > MAX_FACTS:
+        summary = f"the facts of the rig are no list of at most {MAX_FACTS} sentences"
         found.add((*PLACE, "facts"), summary, f"one line each, at most {FACT_CHARS} characters")
     named = [name for name in OF_UNITS if name in given]
-    if named and not isinstance(grammar, RegisterGrammar):
+    if named and not isinstance(grammar, RegisterDefinition):
         for name in named:
             hint = "only a definition of registers names units; write what is true of your copy under facts"
             found.add((*PLACE, name), f"{name!r} of the rig without units in the protocol definition", hint)
         return Rig(tuple(sound), limits)
-    product = grammar.registers.units if isinstance(grammar, RegisterGrammar) else {}
+    product = grammar.registers.units if isinstance(grammar, RegisterDefinition) else {}
     disabled = {
         str(unit): reason
         for unit, reason in _of_units(found, given, "disabled", product).items()
@@ -56,7 +56,7 @@ def read_bench(found: Found, given: object, limits: tuple[Mapping[str, Any], ...
 
 def fitted(grammar: Grammar | None, rig: Rig) -> Grammar | None:
     """The protocol definition as it is on the rig."""
-    if not isinstance(grammar, RegisterGrammar):
+    if not isinstance(grammar, RegisterDefinition):
         return grammar
     return replace(grammar, registers=replace(grammar.registers, renumbered=rig.units, disabled=rig.disabled))
 
@@ -89,7 +89,7 @@ def _is_reason(found: Found, unit: str, reason: object) -> bool:
 def _renumbered(found: Found, given: Mapping[str, Any], product: Mapping[str, int]) -> dict[str, int]:
     place = (*PLACE, "units")
     listed = _of_units(found, given, "units", product)
-    ids = {unit: found.whole(listed, unit, place, (0, MOST_ID)) for unit in listed}
+    ids = {unit: found.whole(listed, unit, place, (0, MAX_ID)) for unit in listed}
     whole = {**product, **ids}
     for unit, number in ids.items():
         other = next((name for name in whole if name != unit and whole[name] == number), None)
@@ -107,7 +107,7 @@ def _is_sentence(item: object) -> bool:
 
 STOP_FIELDS = ("class", "baud", "write")
 MAX_STOP_BYTES = 256
-MOST_ACTIONS = 20
+MAX_ACTIONS = 20
 _CLASS = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}")
 _EXAMPLE = '{class: tty, baud: 115200, write: "01 02 0A"}'
 
@@ -116,8 +116,8 @@ Problem = tuple[Place, str, str | None]
 
 def read_stop(given: object) -> tuple[tuple[Stop, ...], list[Problem]]:
     """The actions that a front-matter value states, and every problem of it as (place, summary, hint)."""
-    if not isinstance(given, list) or len(given) > MOST_ACTIONS:
-        summary = f"stop is no list of at most {MOST_ACTIONS} actions"
+    if not isinstance(given, list) or len(given) > MAX_ACTIONS:
+        summary = f"stop is no list of at most {MAX_ACTIONS} actions"
         return (), [(("stop",), summary, f"write stop: [{_EXAMPLE}]")]
     found: list[Problem] = []
     actions: list[Stop] = []
@@ -157,7 +157,7 @@ def _is_bytes(value: object) -> bool:
 
 
 # Prose of four pages and a definition that names every unit, field and command, with facts of the owner's own copy.
-MOST_BYTES = 12 * 1024
+MAX_BYTES = 12 * 1024
 FIELDS = ("name", "about", "product", "evidence", "limits", "stop", "grammar", "rig")
 PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}
@@ -229,8 +229,8 @@ def parse(document: Document) -> tuple[Profile | None, list[Diagnostic]]:
     block = next((word for word in _BLOCK.findall(document.body) if word.casefold() in PROGRAMS), None)
     if block is not None:
         found.append(_code(document.path, f"it holds a program in {block}"))
-    if len(document.text.encode("utf-8", "replace")) > MOST_BYTES:
-        summary = f"the profile is larger than {MOST_BYTES} bytes"
+    if len(document.text.encode("utf-8", "replace")) > MAX_BYTES:
+        summary = f"the profile is larger than {MAX_BYTES} bytes"
         hint = "a profile goes into a prompt as it is: keep what an agent needs to know"
         found.append(error("PROFILE-TOO-LARGE", summary, path=str(document.path), hint=hint))
     if not document.body.strip():

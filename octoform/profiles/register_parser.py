@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.definition_problems import MOST_BAUD, PRINTABLE, Found, is_value_name
+from octoform.profiles.definition_problems import MAX_BAUD, PRINTABLE, Found, is_value_name
 from octoform.profiles.registers import (
     CALIBRATED,
     DOES,
@@ -19,14 +19,14 @@ from octoform.profiles.registers import (
     Motion,
     Protect,
     Register,
-    RegisterGrammar,
+    RegisterDefinition,
     Registers,
     Speed,
 )
 
 # Read the commands of a register definition: each does one thing of a closed list, with names that resolve. Pure.
 
-MOST_COMMANDS, MOST_TOLD = 40, 20
+MAX_COMMANDS, MAX_TOLD = 40, 20
 COMMAND_FIELDS = ("tool", "do", "about", "fields", "scale", "pose", "release")
 _MOVES = ("move_unit", "move_units", "pose")
 _OF: Mapping[str, tuple[str, ...]] = {
@@ -41,7 +41,7 @@ _COMMANDS = 'write commands: [{tool: arm_read_joint, do: read_unit, about: "what
 
 def read_commands(found: Found, given: object, place: Place, registers: Registers) -> tuple[Action, ...]:
     """The commands; whatever they are, with every problem of them in ``found``."""
-    items = found.items(given, place, MOST_COMMANDS, _COMMANDS)
+    items = found.items(given, place, MAX_COMMANDS, _COMMANDS)
     commands = [_command(found, item, (*place, index), registers) for index, item in enumerate(items)]
     found.distinct([(item.tool, (*place, index, "tool")) for index, item in enumerate(commands)])
     return tuple(commands)
@@ -74,9 +74,9 @@ def _command(found: Found, given: object, place: Place, registers: Registers) ->
 
 def _reads(found: Found, item: Mapping[str, Any], place: Place, registers: Registers) -> None:
     where, fields = (*place, "fields"), item.get("fields")
-    if not isinstance(fields, list) or not 1 <= len(fields) <= MOST_TOLD:
+    if not isinstance(fields, list) or not 1 <= len(fields) <= MAX_TOLD:
         hint = f"its fields are among {', '.join(registers.fields)}" if registers.fields else None
-        found.add(where, f"the command does not list 1 to {MOST_TOLD} fields that it reads", hint)
+        found.add(where, f"the command does not list 1 to {MAX_TOLD} fields that it reads", hint)
         return
     for index, name in enumerate(fields):
         if found.named(name, registers.fields, (*where, index), "field") and name in fields[:index]:
@@ -142,8 +142,8 @@ PROTECT_FIELDS = ("field", "refuse_at", "resume_below", "unit")
 CALIBRATION_FIELDS = ("format", "files")
 FORMATS = ("lerobot",)
 SPEED = "speed"
-MOST_WRITES, MOST_FILES, MOST_POSES = 12, 10, 20
-LONGEST_GLOB = 200
+MAX_WRITES, MAX_FILES, MAX_POSES = 12, 10, 20
+MAX_GLOB = 200
 Fields = Mapping[str, Register]
 
 
@@ -215,9 +215,9 @@ def _before(
 ) -> tuple[tuple[str, int | str], ...]:
     """What is written before the goal, in this order."""
     where, given = (*place, "before"), item.get("before", [])
-    if not isinstance(given, list) or len(given) > MOST_WRITES:
+    if not isinstance(given, list) or len(given) > MAX_WRITES:
         hint = "write before: [{torque: 1}, {speed: speed}], in the order in which they are written"
-        found.add(where, f"'before' is no list of at most {MOST_WRITES} writes", hint)
+        found.add(where, f"'before' is no list of at most {MAX_WRITES} writes", hint)
         return ()
     writes: list[tuple[str, int | str]] = []
     for index, step in enumerate(given):
@@ -251,9 +251,9 @@ def _written(found: Found, name: str, value: object, place: Place, fields: Field
 
 def _release(found: Found, item: Mapping[str, Any], place: Place, fields: Fields) -> tuple[tuple[str, int], ...]:
     where, given = (*place, "release"), item.get("release", {})
-    if not isinstance(given, Mapping) or len(given) > MOST_WRITES:
+    if not isinstance(given, Mapping) or len(given) > MAX_WRITES:
         hint = "write release: {torque: 0}"
-        found.add(where, f"'release' is no mapping of at most {MOST_WRITES} fields to numbers", hint)
+        found.add(where, f"'release' is no mapping of at most {MAX_WRITES} fields to numbers", hint)
         return ()
     return tuple(
         (str(name), found.whole(given, name, where, span(fields, name)))
@@ -290,9 +290,9 @@ def calibration(found: Found, given: Mapping[str, Any], place: Place, moved: Mot
     if moved is None:
         found.add(where, "a calibration without a `motion` whose positions it is of")
     files = item.get("files")
-    if not isinstance(files, list) or not 1 <= len(files) <= MOST_FILES:
+    if not isinstance(files, list) or not 1 <= len(files) <= MAX_FILES:
         hint = 'write files: ["~/.cache/NAME/*.json"]'
-        found.add((*where, "files"), f"'files' is no list of 1 to {MOST_FILES} patterns of files", hint)
+        found.add((*where, "files"), f"'files' is no list of 1 to {MAX_FILES} patterns of files", hint)
         return Calibration(str(item.get("format")), ())
     for index, pattern in enumerate(files):
         if not _below_home(pattern):
@@ -302,7 +302,7 @@ def calibration(found: Found, given: Mapping[str, Any], place: Place, moved: Mot
 
 
 def _below_home(pattern: object) -> bool:
-    if not isinstance(pattern, str) or len(pattern) > LONGEST_GLOB or not PRINTABLE.fullmatch(pattern):
+    if not isinstance(pattern, str) or len(pattern) > MAX_GLOB or not PRINTABLE.fullmatch(pattern):
         return False
     home, *parts = pattern.split("/")
     return home == "~" and bool(parts) and all(part not in ("", ".", "..") and "**" not in part for part in parts)
@@ -313,8 +313,8 @@ def poses(
 ) -> dict[str, dict[str, int]]:
     """Positions of all units by the name of the pose."""
     where, listed = (*place, "poses"), given.get("poses", {})
-    if not isinstance(listed, Mapping) or len(listed) > MOST_POSES:
-        found.add(where, f"'poses' is no mapping of at most {MOST_POSES} poses", "write poses: {home: {base: 2048}}")
+    if not isinstance(listed, Mapping) or len(listed) > MAX_POSES:
+        found.add(where, f"'poses' is no mapping of at most {MAX_POSES} poses", "write poses: {home: {base: 2048}}")
         return {}
     if listed and moved is None:
         found.add(where, "poses without a `motion` that takes a unit there")
@@ -343,11 +343,11 @@ REGISTERS_FIELDS = (
 LIBRARY_FIELDS = ("distribution", "module", "protocol")
 REGISTER_FIELDS = ("address", "bytes", "sign_bit", "scale", "unit")
 BUS_CLASS = "tty"
-MOST_UNITS, MOST_FIELDS = 32, 40
-MOST_ID = 252
+MAX_UNITS, MAX_FIELDS = 32, 40
+MAX_ID = 252
 """Ids above it are for all units at once, or for the bus itself."""
 WIDTHS = (1, 2, 4)
-MOST_PROTOCOL = 2
+MAX_PROTOCOL = 2
 UNIT_TAKEN = ("position", "percent", "speed", "on")
 FIELD_TAKEN = ("id", "skipped", "calibrated", "from", "moved")
 """The members of a result for each unit beside its fields."""
@@ -356,18 +356,18 @@ _MODULE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*")
 _LIBRARY = "write library: {distribution: name-on-pypi, module: imported_as, protocol: 0}"
 
 
-def read(found: Found, whole: Mapping[str, Any], place: Place) -> RegisterGrammar:
+def read(found: Found, whole: Mapping[str, Any], place: Place) -> RegisterDefinition:
     """The protocol definition of a front-matter value, with every problem of it in ``found``."""
     found.mapping(whole, place, "the protocol definition", FIELDS)
     registers = _registers(found, whole.get("registers"), (*place, "registers"))
-    return RegisterGrammar(registers, read_commands(found, whole.get("commands"), (*place, "commands"), registers))
+    return RegisterDefinition(registers, read_commands(found, whole.get("commands"), (*place, "commands"), registers))
 
 
 def _registers(found: Found, given: object, place: Place) -> Registers:
     item = found.mapping(given, place, "the registers of the protocol definition", REGISTERS_FIELDS)
     if item.get("class") != BUS_CLASS:
         found.add((*place, "class"), f"the class of the bus is not {BUS_CLASS}", f"write class: {BUS_CLASS}")
-    baud = found.whole(item, "baud", place, (1, MOST_BAUD))
+    baud = found.whole(item, "baud", place, (1, MAX_BAUD))
     library = _library(found, item.get("library"), (*place, "library"))
     unit = item.get("unit", "unit")
     if not isinstance(unit, str) or not is_value_name(unit, (*UNIT_TAKEN, *FIELD_TAKEN)):
@@ -399,13 +399,13 @@ def _library(found: Found, given: object, place: Place) -> Library:
         if not (isinstance(word, str) and form.fullmatch(word) and len(word) <= 100):
             found.add((*place, name), f"the {name} of the library is no usable name", _LIBRARY)
         words[name] = str(word)
-    return Library(words["distribution"], words["module"], found.whole(item, "protocol", place, (0, MOST_PROTOCOL), 0))
+    return Library(words["distribution"], words["module"], found.whole(item, "protocol", place, (0, MAX_PROTOCOL), 0))
 
 
 def _units(found: Found, given: object, place: Place, unit: str) -> dict[str, int]:
-    if not isinstance(given, Mapping) or not 1 <= len(given) <= MOST_UNITS:
+    if not isinstance(given, Mapping) or not 1 <= len(given) <= MAX_UNITS:
         hint = "write units: {base: 1, tip: 2}, each with its id on the bus"
-        found.add(place, f"'units' is no mapping of 1 to {MOST_UNITS} units", hint)
+        found.add(place, f"'units' is no mapping of 1 to {MAX_UNITS} units", hint)
         return {}
     for name in given:
         if not (isinstance(name, str) and is_value_name(name, (*UNIT_TAKEN, unit))):
@@ -418,7 +418,7 @@ def numbered(found: Found, given: Mapping[str, Any], place: Place) -> dict[str, 
     """Ids on the bus by the names of the units, each once."""
     ids: dict[str, int] = {}
     for name in given:
-        number = found.whole(given, name, place, (0, MOST_ID))
+        number = found.whole(given, name, place, (0, MAX_ID))
         if number in ids.values() and number == given[name]:
             hint = "two units with one id answer at once, and no one is understood"
             found.add((*place, name), f"the id {number} of {name!r} is another unit's already", hint)
@@ -427,9 +427,9 @@ def numbered(found: Found, given: Mapping[str, Any], place: Place) -> dict[str, 
 
 
 def _fields(found: Found, given: object, place: Place, unit: str) -> dict[str, Register]:
-    if not isinstance(given, Mapping) or not 1 <= len(given) <= MOST_FIELDS:
+    if not isinstance(given, Mapping) or not 1 <= len(given) <= MAX_FIELDS:
         hint = "write fields: {position: {address: 56, bytes: 2, unit: raw}}"
-        found.add(place, f"'fields' is no mapping of 1 to {MOST_FIELDS} fields", hint)
+        found.add(place, f"'fields' is no mapping of 1 to {MAX_FIELDS} fields", hint)
         return {}
     return {str(name): _field(found, str(name), value, (*place, name), unit) for name, value in given.items()}
 

@@ -123,7 +123,7 @@ class Action:
 
 
 @dataclass(frozen=True, slots=True)
-class RegisterGrammar:
+class RegisterDefinition:
     """All that may be done with a product whose units are driven by their registers."""
 
     registers: Registers
@@ -178,7 +178,7 @@ def _speed(motion: Motion) -> tuple[Value, ...]:
     return (Value("speed", "integer", about, speed.unit, speed.minimum, speed.maximum, default=speed.default),)
 
 
-def plain(grammar: RegisterGrammar, *, of_product: bool = False) -> dict[str, Any]:
+def plain(grammar: RegisterDefinition, *, of_product: bool = False) -> dict[str, Any]:
     """The protocol definition as JSON, the bus ids and disabled units being those of the rig unless ``of_product``."""
     registers = grammar.registers
     library, protect, calibration = registers.library, registers.protect, registers.calibration

@@ -12,11 +12,11 @@ from octoform.protocol.model import (
     spec_paths,
     step_paths,
 )
-from octoform.protocol.prompt import MOST_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
+from octoform.protocol.prompt import MAX_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
 
 __all__ = [
     "DUTIES",
-    "MOST_PROMPT_BYTES",
+    "MAX_PROMPT_BYTES",
     "STAGES",
     "STEP",
     "Prompt",

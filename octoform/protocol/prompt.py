@@ -56,11 +56,11 @@ def cut(text: str, size: int) -> str:
     return data[max(0, len(data) - size) :].decode("utf-8", "ignore")
 
 
-MOST_PROMPT_BYTES = 48 * 1024
-MOST_TAIL_LINES = 100
-MOST_TAIL_BYTES = 8 * 1024
-MOST_DIAGNOSTICS = 20
-MOST_DIAGNOSTIC_CHARACTERS = 600
+MAX_PROMPT_BYTES = 48 * 1024
+MAX_TAIL_LINES = 100
+MAX_TAIL_BYTES = 8 * 1024
+MAX_DIAGNOSTICS = 20
+MAX_DIAGNOSTIC_CHARACTERS = 600
 _MORE = " ..."
 # Between two lines that no sign of their own joins.
 _LINE_END = re.compile(r"(?<=[^\s:;,.])\s*\n\s*")
@@ -111,22 +111,22 @@ class Prompt:
 
 
 def render_prompt(prompt: Prompt) -> str:
-    """The prompt's text, at most `MOST_PROMPT_BYTES` in UTF-8; PromptTooLarge when its fixed parts are larger.
+    """The prompt's text, at most `MAX_PROMPT_BYTES` in UTF-8; PromptTooLarge when its fixed parts are larger.
 
     A retry's log gives way first: it is cut from its beginning as far as the bound asks.
     """
     log = prompt.summary
     if not log and prompt.failed_log is not None:
-        log = tail(prompt.failed_log, MOST_TAIL_LINES, MOST_TAIL_BYTES)
+        log = tail(prompt.failed_log, MAX_TAIL_LINES, MAX_TAIL_BYTES)
     while True:
         text = _render(prompt, log)
-        excess = len(text.encode()) - MOST_PROMPT_BYTES
+        excess = len(text.encode()) - MAX_PROMPT_BYTES
         if excess <= 0:
             return text
         if not log:
             raise PromptTooLarge(
-                f"the prompt of {prompt.spec.stage} would have {MOST_PROMPT_BYTES + excess} bytes; "
-                f"at most {MOST_PROMPT_BYTES} are sent"
+                f"the prompt of {prompt.spec.stage} would have {MAX_PROMPT_BYTES + excess} bytes; "
+                f"at most {MAX_PROMPT_BYTES} are sent"
             )
         log = cut(log, max(0, len(log.encode()) - excess))
 
@@ -198,15 +198,15 @@ def findings(items: Sequence[Diagnostic]) -> str:
     # What did not refuse the attempt is no reason for anything, and would read like one.
     items = [item for item in items if item.severity is Severity.ERROR] or items
     lines = []
-    for item in items[:MOST_DIAGNOSTICS]:
+    for item in items[:MAX_DIAGNOSTICS]:
         where = item.pointer or (f"line {item.span.line}" if item.span else item.path or "")
         text = f"{item.code}{' at ' + where if where else ''}: {item.summary}"
         text += f" ({item.hint})" if item.hint else ""
         if item.detail:  # output of a tool or a program, or a list of items; last, for it may be long
             text += ": " + _LINE_END.sub("; ", item.detail.strip())
-        lines.append("- " + _cut(escaped(" ".join(text.split())), MOST_DIAGNOSTIC_CHARACTERS))
-    if len(items) > MOST_DIAGNOSTICS:
-        lines.append(f"- and {len(items) - MOST_DIAGNOSTICS} more")
+        lines.append("- " + _cut(escaped(" ".join(text.split())), MAX_DIAGNOSTIC_CHARACTERS))
+    if len(items) > MAX_DIAGNOSTICS:
+        lines.append(f"- and {len(items) - MAX_DIAGNOSTICS} more")
     return "\n".join(lines)
 
 

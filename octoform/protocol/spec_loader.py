@@ -162,9 +162,9 @@ STEP_SCHEMA = f"{SCHEMAS}/step.v1.schema.json"
 STEP_FIELDS = ("step", "about", "profile", "proof", "consumes", "produces", "schema", "budget")
 PROOF_FIELDS = ("kind", "minimum", "unit", "settle")
 PROFILE_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
-LONGEST_ABOUT = 200
-LONGEST_UNIT = 20
-MOST_SETTLE = 60
+MAX_ABOUT = 200
+MAX_UNIT = 20
+MAX_SETTLE = 60
 SETTLE = 2.0
 
 
@@ -222,7 +222,7 @@ def _words(document: Document) -> list[Diagnostic]:
     """The sentence about it, the profile that it needs, the time for one attempt."""
     fields, found = document.fields, []
     about = fields.get("about")
-    if not (isinstance(about, str) and 0 < len(about.strip()) <= LONGEST_ABOUT and "\n" not in about.strip()):
+    if not (isinstance(about, str) and 0 < len(about.strip()) <= MAX_ABOUT and "\n" not in about.strip()):
         hint = "write about: test that each joint of the arm moves"
         found.append(document.problem("PROTOCOL-FIELD", "the field 'about' is no short sentence", ("about",), hint))
     profile = fields.get("profile", "")
@@ -270,10 +270,10 @@ def _proof_problems(proof: dict[str, Any]) -> list[tuple[str, str, str]]:
     if kind != FRAME and not (number and 0 < minimum < float("inf")):  # type: ignore[operator]
         hint = "write the least difference that counts as a movement, such as minimum: 50"
         found.append(("minimum", "the field 'minimum' is no number above 0", hint))
-    if not isinstance(proof.get("unit", ""), str) or len(proof.get("unit", "")) > LONGEST_UNIT:
+    if not isinstance(proof.get("unit", ""), str) or len(proof.get("unit", "")) > MAX_UNIT:
         found.append(("unit", "the field 'unit' is no short word", "write it like unit: raw"))
     length = durations.seconds(settle) if isinstance(settle, str) else None
-    if length is None or not 0 < length <= MOST_SETTLE:
-        hint = f"{durations.HINT}; at most {MOST_SETTLE}s are waited for a movement"
+    if length is None or not 0 < length <= MAX_SETTLE:
+        hint = f"{durations.HINT}; at most {MAX_SETTLE}s are waited for a movement"
         found.append(("settle", "the field 'settle' is no time that a movement may take", hint))
     return found

@@ -220,7 +220,7 @@ def kind_names(path: Path) -> list[str]:
 
 
 STRONG, POSITIONAL, WEAK = "strong", "positional", "weak"
-_MOST_NAMED = 4
+_MAX_NAMED = 4
 
 
 @dataclass(frozen=True)
@@ -431,7 +431,7 @@ def _why_absent(claim: _Claim, others: list[Path]) -> str:
 
 
 def _doubt(mine: _Claim, found: list[Path], rivals: list[_Claim]) -> str:
-    places = ", ".join(folder.name for folder in found[:_MOST_NAMED])
+    places = ", ".join(folder.name for folder in found[:_MAX_NAMED])
     if len(found) > 1:
         text = f"{mine.id} may be any of {len(found)} equal devices ({places})"
     elif len(rivals) > 1:

@@ -27,7 +27,7 @@ from .faults import DeviceFault, sentence
 # The call log has it with the call's result. So a result can be compared with what the kernel returned: a tool that
 # asks for no device, or that gives the same number while the attribute it reads has moved, reports a wrong value.
 
-MOST = 8
+MAX_ENTRIES = 8
 """Devices and numbers that are kept of one call."""
 
 
@@ -57,7 +57,7 @@ def traced() -> Iterator[Trace]:
 def asking(device: str) -> Iterator[None]:
     """A device is looked for; what is read meanwhile shows where it is, and nothing of what it measures."""
     trace = _current.get()
-    if trace is not None and device not in trace.devices and len(trace.devices) < MOST:
+    if trace is not None and device not in trace.devices and len(trace.devices) < MAX_ENTRIES:
         trace.devices.append(device)
     token = _current.set(None)
     try:
@@ -69,7 +69,7 @@ def asking(device: str) -> Iterator[None]:
 def read(path: Path, text: str | bytes) -> None:
     """An attribute was read; it is kept where it is a number."""
     trace = _current.get()
-    if trace is None or len(trace.raw) >= MOST or len(text) > 64:
+    if trace is None or len(trace.raw) >= MAX_ENTRIES or len(text) > 64:
         return
     try:
         number = float(text)

@@ -36,7 +36,7 @@ _PAUSE = 50
 """Milliseconds between two looks whether the caller was interrupted."""
 _HEAD = struct.Struct("=I")
 _PIECE = 1 << 16
-_MOST_FILES = 1 << 20
+_MAX_FILES = 1 << 20
 _lock = threading.Lock()
 _idle: dict[Callable[..., Any], list["_Child"]] = {}
 
@@ -186,7 +186,7 @@ def _close_others(*kept: int) -> None:
     for number in sorted(kept):
         os.closerange(first, number)
         first = number + 1
-    os.closerange(first, _MOST_FILES)
+    os.closerange(first, _MAX_FILES)
 
 
 def _outcome(function: Callable[..., Any], arguments: tuple[Any, ...]) -> bytes:

@@ -36,7 +36,7 @@ from .sysfs import members, read_text, subsystem, sysroot, uevent
 
 DEFAULT_TIMEOUT = 10.0
 _STEP = 0.005
-_LONGEST_STEP = 0.05
+_MAX_STEP = 0.05
 
 
 class Bus:
@@ -62,7 +62,7 @@ class Bus:
         while not self._try():
             self._give_up_after(end)
             time.sleep(step)
-            step = min(step * 2, _LONGEST_STEP)
+            step = min(step * 2, _MAX_STEP)
         return self._confirmed()
 
     async def __aenter__(self) -> "Bus":
@@ -73,7 +73,7 @@ class Bus:
         while not self._try():
             self._give_up_after(end)
             await asyncio.sleep(step)
-            step = min(step * 2, _LONGEST_STEP)
+            step = min(step * 2, _MAX_STEP)
         return self._confirmed()
 
     def __exit__(self, *_: type[BaseException] | BaseException | TracebackType | None) -> None:
@@ -228,13 +228,13 @@ def device(device_id: str, actuate: bool = False) -> Device:
     with calllog.asking(device_id):
         known = _instances()
         if known is None and actuate:
-            raise AmbiguousDevice(device_id, _unknown_specimen(device_id))
+            raise AmbiguousDevice(device_id, _unknown_unit(device_id))
         found = None if actuate else in_place(device_id, known or {})
         found = found or bind(device_id, known or {}, actuate)
     return Device(device_id, calllog.Folder(found.folder), found.strength, actuate)
 
 
-def _unknown_specimen(device_id: str) -> str:
+def _unknown_unit(device_id: str) -> str:
     return (
         f"which unit {device_id} is cannot be read on this machine, and what moves something is not guessed; "
         "run `octoform apply -replace probe`"

@@ -13,7 +13,7 @@ from .devices import Device
 from .faults import DeviceFault
 from .sysfs import subsystem, sysroot
 
-MOST_LINES = 512
+MAX_LINES = 512
 _CHIPINFO, _LINEINFO, _GET_LINE, _SET_CONFIG, _GET_VALUES = 0x8044B401, 0xC100B405, 0xC250B407, 0xC110B40D, 0xC010B40E
 _USED, _ACTIVE_LOW, _INPUT, _OUTPUT = 1, 2, 4, 8
 _AS_IT_IS = bytes(272)  # struct gpio_v2_line_config without a flag: the direction stays
@@ -42,7 +42,7 @@ def lines(node: str) -> tuple[str, list[dict[str, Any]]]:
     """
     with Path(node).open("rb", 0) as file:
         label, count = _chip(file)
-        return label, [_line(file, offset) for offset in range(min(count, MOST_LINES))]
+        return label, [_line(file, offset) for offset in range(min(count, MAX_LINES))]
 
 
 def read(node: str, line: int) -> tuple[dict[str, Any], int | None]:
@@ -96,7 +96,7 @@ def _line(file: Any, offset: int) -> dict[str, Any]:
 
 
 def _checked(node: str, file: Any, line: int) -> dict[str, Any]:
-    count = min(_chip(file)[1], MOST_LINES)
+    count = min(_chip(file)[1], MAX_LINES)
     if line >= count:
         raise DeviceFault(node, f"the chip has {count} lines; the first is number 0")
     return _line(file, line)

@@ -17,7 +17,7 @@ from typing import NamedTuple, Protocol
 from .counting import NONE, Counted, Step, refuse
 from .faults import DeviceFault, sentence
 
-LONGEST = 200
+MAX_LENGTH = 200
 UNANSWERED = 0.5
 """How many seconds a product that acknowledges nothing has to refuse a command."""
 _late: dict[str, float] = {}
@@ -188,6 +188,6 @@ def _line(port: Port, end: float) -> str | None:
     while time.monotonic() < end:
         byte = port.read(1)
         line += byte
-        if byte in (b"\r", b"\n") or len(line) == LONGEST:
+        if byte in (b"\r", b"\n") or len(line) == MAX_LENGTH:
             return line.decode("latin-1").strip()
     return None

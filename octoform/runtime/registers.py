@@ -30,7 +30,7 @@ from .faults import DeviceFault, sentence
 # unit, a gripper too: -100 is one end of the range, 100 the other, 0 the middle; a ``drive_mode`` other than 0 turns
 # the direction around.
 
-MOST_BYTES = 65536
+MAX_BYTES = 65536
 HIGHEST = 65535
 
 
@@ -82,7 +82,7 @@ def find(patterns: Iterable[str], units: Mapping[str, int]) -> Calibration:
 
 
 def _read(path: Path, units: Mapping[str, int]) -> Calibration:
-    document: dict[str, Any] = read_json(path, MOST_BYTES, any_text=True)
+    document: dict[str, Any] = read_json(path, MAX_BYTES, any_text=True)
     known = {name: document[name] for name in units if name in document}
     other = [
         f"{name} the id {entry['id']!a:.20} (the profile has {units[name]})"

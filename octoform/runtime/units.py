@@ -398,9 +398,9 @@ class Units(Bank):
             raise self.fault(f"the speed {speed} is outside of its limits, {motion.speeds[0]} to {motion.speeds[1]}")
         skipped, moves = planned(self, goals, alone)
         carried_out(self, moves.values(), speed, stops)
-        return [self._told_of(name, goal, moves.get(name), skipped.get(name)) for name, goal in goals.items()]
+        return [self._record_of(name, goal, moves.get(name), skipped.get(name)) for name, goal in goals.items()]
 
-    def _told_of(self, name: str, goal: int, move: Move | None, skipped: str | None) -> Record:
+    def _record_of(self, name: str, goal: int, move: Move | None, skipped: str | None) -> Record:
         start, position = (move.start, move.position) if move else (None, None)
         moved = move.moved(motion_of(self).moved) if move else False
         fields = {"from": start, "goal": goal, "position": position, "moved": moved, "skipped": skipped}

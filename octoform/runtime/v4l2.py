@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 _ENUM_FMT, _ENUM_FRAMESIZES = (0xC0405602, 64), (0xC02C564A, 44)  # request, size of its structure
-_MOST = 64
+_MAX_ENTRIES = 64
 CAPTURED = (1, 9)
 """Queues that give pictures: as a whole, in planes."""
 TAKEN = (2, 10)
@@ -97,7 +97,7 @@ def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, b
 def _answers(file: Any, asked: tuple[int, int], start: bytes) -> Iterator[bytes]:
     """The answers of an enumeration, up to the driver's error that ends it."""
     request, size = asked
-    for index in range(_MOST):
+    for index in range(_MAX_ENTRIES):
         try:
             yield fcntl.ioctl(file, request, (struct.pack("=I", index) + start).ljust(size, b"\0"))
         except OSError:

@@ -228,7 +228,7 @@ class Ledger:
             for unit, text in units.items():
                 words = {unit, *(other.units.names[unit] if other.units and unit in other.units.names else ())}
                 if policy.units is None or policy.units.acts_on(words, arguments):
-                    return Refusal("reported", f"{beyond_words(name, unit, text)}.")
+                    return Refusal("reported", f"{beyond_text(name, unit, text)}.")
         return None
 
     def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
@@ -261,7 +261,7 @@ class Ledger:
         return replace(used, sums=sums, last=last, calls=tuple(calls[-kept:]))
 
 
-def beyond_words(tool: str, unit: str, text: str) -> str:
+def beyond_text(tool: str, unit: str, text: str) -> str:
     """Why a unit moves no more, and what ends that."""
     return (
         f"after a call of {tool} the device reported {unit} {text}; nothing moves it until a person has looked at it "

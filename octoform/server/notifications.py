@@ -35,9 +35,9 @@ from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 
 from octoform.server.process.principal import current
 
-MOST_URIS = 100
+MAX_URIS = 100
 """Resources that one client may subscribe to."""
-LONGEST_URI = 2048
+MAX_URI = 2048
 SECONDS = 5.0
 """How long a client may take to accept one notification."""
 
@@ -180,7 +180,7 @@ def _message(event: ServerEvent) -> Message:
 
 def _check(uris: list[str]) -> None:
     """Refuse what would make a client's subscriptions grow without bound."""
-    if len(set(uris)) > MOST_URIS:
-        raise MCPError(code=INVALID_PARAMS, message=f"a client may subscribe to at most {MOST_URIS} resources")
-    if any(len(uri) > LONGEST_URI for uri in uris):
-        raise MCPError(code=INVALID_PARAMS, message=f"the URI of a resource may have at most {LONGEST_URI} characters")
+    if len(set(uris)) > MAX_URIS:
+        raise MCPError(code=INVALID_PARAMS, message=f"a client may subscribe to at most {MAX_URIS} resources")
+    if any(len(uri) > MAX_URI for uri in uris):
+        raise MCPError(code=INVALID_PARAMS, message=f"the URI of a resource may have at most {MAX_URI} characters")

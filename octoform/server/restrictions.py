@@ -25,7 +25,7 @@ from octoform.server.tool_policy import Units
 NAME = "restrictions.json"
 FORMAT = 1
 SIZE = 4 * 1024 * 1024
-LONGEST = 25 * 3600.0
+MAX_SECONDS = 25 * 3600.0
 """Seconds beyond which no end is believed: octoform lets no claim hold longer than a day without a new reading."""
 SHOWN = 200
 
@@ -214,7 +214,7 @@ class Restrictions:
         found = self._ledger()
         if found is None or (self._read_before and NOBODY_KNOWS in found):
             return tuple(entry for entry in self._entries if entry.expires is None)
-        latest = self._clock() + LONGEST
+        latest = self._clock() + MAX_SECONDS
         return tuple(entry for entry in found if entry.expires is None or entry.expires <= latest)
 
     def _wrong(self, why: str) -> None:
@@ -232,7 +232,7 @@ class Restrictions:
 
     def _read(self, place: str) -> tuple[Entry, ...]:
         document = record(read_json(Path(place), SIZE, follow=False, any_text=True), FORMAT)
-        here, latest = document["boot"] == self._boot, self._clock() + LONGEST
+        here, latest = document["boot"] == self._boot, self._clock() + MAX_SECONDS
         entries = [_entry(item) for item in document["restrictions"]]
         return tuple(entry for entry in entries if entry.expires is None or (here and entry.expires <= latest))
 

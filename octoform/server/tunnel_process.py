@@ -27,7 +27,7 @@ from octoform.server.process import instance_lock
 from octoform.server.process.stderr_log import write_line
 from octoform.server.tunnel_termination import MARK, Proof
 
-FIRST_DELAY, LONGEST_DELAY = 1.0, 300.0
+FIRST_DELAY, MAX_DELAY = 1.0, 300.0
 STEADY_SECONDS = 60.0
 """A program that ran so long is started again at once when it ends."""
 LOOK_SECONDS = 0.25
@@ -66,7 +66,7 @@ class Tunnel:
     def start(self) -> None:
         """Start it and keep it; one that was revoked is reported as that from the first moment on."""
         if tunnel_termination.forbidden(self._run):
-            self._tell(*REVOKED)
+            self._publish(*REVOKED)
         self._thread.start()
 
     def stop(self) -> None:
@@ -89,7 +89,7 @@ class Tunnel:
         self._changed(None)
         self._wake.set()
         proof = tunnel_termination.revoke(self._run)
-        self._tell(*REVOKED)
+        self._publish(*REVOKED)
         return proof
 
     def _keep(self) -> None:
@@ -99,7 +99,7 @@ class Tunnel:
         delay = FIRST_DELAY
         while not self._stopping.is_set():
             if tunnel_termination.forbidden(self._run):
-                self._tell(*REVOKED)
+                self._publish(*REVOKED)
                 self._stopping.wait(LOOK_SECONDS)
                 delay = FIRST_DELAY
                 continue
@@ -110,7 +110,7 @@ class Tunnel:
             self._wake.clear()
             if not self._over():
                 self._wake.wait(delay)
-            delay = min(delay * 2, LONGEST_DELAY)
+            delay = min(delay * 2, MAX_DELAY)
 
     def _over(self) -> bool:
         return self._stopping.is_set() or tunnel_termination.forbidden(self._run)
@@ -120,7 +120,7 @@ class Tunnel:
         program = shutil.which(self._command[0])
         if program is None:
             name = self._command[0]
-            self._tell("not running", f"there is no program {name!r}; install it, or name another as tunnel.command")
+            self._publish("not running", f"there is no program {name!r}; install it, or name another as tunnel.command")
             return
         started = self._spawn([program, *self._command[1:]])
         if started is None:
@@ -140,7 +140,7 @@ class Tunnel:
         if not self._over():
             last = next((line for line in reversed(lines) if line.strip()), "it printed nothing")
             shown = ascii(_ESCAPES.sub("", last).strip())[1:-1][:300]
-            self._tell("not running", f"{self._command[0]} ended with status {status}: {shown}")
+            self._publish("not running", f"{self._command[0]} ended with status {status}: {shown}")
 
     def _spawn(self, command: Sequence[str]) -> tuple["subprocess.Popen[bytes]", dict[str, Any]] | None:
         """Start the program below its warden; None when the tunnel was revoked in this very moment."""
@@ -170,7 +170,7 @@ class Tunnel:
             }
             tunnel_termination.publish(self._run, record)
             self._facts = {**self._facts, "starts": self._facts["starts"] + 1}
-        self._tell("starting", "it has printed no address yet", since=record["since"])
+        self._publish("starting", "it has printed no address yet", since=record["since"])
         if tunnel_termination.forbidden(self._run):
             # Revoked from outside of this process between the look and the start.
             tunnel_termination.end(record)
@@ -186,7 +186,7 @@ class Tunnel:
             record["url"] = url
             tunnel_termination.publish(self._run, record)
             self._changed(url)
-        self._tell("running", None, url=url, since=record["since"])
+        self._publish("running", None, url=url, since=record["since"])
         threading.Thread(target=self._hear, args=(url, record), name="tunnel-heard", daemon=True).start()
 
     def _hear(self, url: str, record: dict[str, Any]) -> None:
@@ -201,7 +201,7 @@ class Tunnel:
                         tunnel_termination.publish(self._run, record)
                 return
 
-    def _tell(self, state: str, reason: str | None, *, url: str | None = None, since: str | None = None) -> None:
+    def _publish(self, state: str, reason: str | None, *, url: str | None = None, since: str | None = None) -> None:
         before = self._facts
         self._facts = {**before, "state": state, "reason": reason, "url": url, "since": since}
         if (before["state"], before["reason"], before["url"]) != (state, reason, url):

@@ -34,7 +34,7 @@ GRACE_SECONDS = 3.0
 PROOF_SECONDS = 12.0
 """How long the address may go on answering (a provider's edge takes a moment) before the proof fails."""
 _ASK_SECONDS = 3.0
-_MOST_BYTES = 65_536
+_MAX_BYTES = 65_536
 _PROC = Path("/proc")
 
 
@@ -155,7 +155,7 @@ def answers(url: str, instance: str) -> bool:
         answer = connection.getresponse()
         if answer.getheader(INSTANCE_HEADER) == instance:
             return True
-        fields = parse(answer.read(_MOST_BYTES))
+        fields = parse(answer.read(_MAX_BYTES))
         return isinstance(fields, dict) and fields.get("instance") == instance
     except (OSError, http.client.HTTPException, ValueError):
         return False

@@ -85,7 +85,7 @@ class Endpoint:
         self._gate = Gate(rules, self._ledger, self._audit, self._latch, self._offer.presence)
         self._gate.on_result = self._offer.frames.keep
         ledger = Standing(descriptor.run.parent / "daemon" / CLAIMS, boot_id())
-        self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._told, ledger=ledger)
+        self._gate.restrictions = Restrictions(descriptor.run / RESTRICTIONS, self._record, ledger=ledger)
         self._gate.restrictions.forbidden = Forbidden(descriptor.run.parent / WITNESS)
         server.add_middleware(self._gate)
         WATCHDOG.cover(Path(descriptor.server["path"]).parent)
@@ -110,7 +110,7 @@ class Endpoint:
             control = self._answer()
             self._owner.record(scope=self._descriptor.scope, url=self._url)
             self._audit.write("started", instance=self._owner.instance, scope=self._descriptor.scope)
-            failed = await self._told_to_stop(stopping, [*doors, control])
+            failed = await self._stop_requested(stopping, [*doors, control])
             self._offer.changes.close()
             self._control.stop()
             if self._tunnel is not None:
@@ -131,7 +131,7 @@ class Endpoint:
         if failed:
             raise DoorFailedError(failed)
 
-    async def _told_to_stop(self, stopping: asyncio.Event, doors: Sequence["asyncio.Future[None]"]) -> str:
+    async def _stop_requested(self, stopping: asyncio.Event, doors: Sequence["asyncio.Future[None]"]) -> str:
         """Wait for the word, or until no one could say it any more because the record of this process is gone.
 
         Empty, or which door ended before.
@@ -229,7 +229,7 @@ class Endpoint:
         self._audit.write("tunnel_revoked", by=question.get("by"), **proof)
         return proof
 
-    def _told(self, event: str, fields: Mapping[str, Any]) -> None:
+    def _record(self, event: str, fields: Mapping[str, Any]) -> None:
         """Record what begins or ends to be restricted; calls report a log that cannot be written."""
         with suppress(AuditFailed):
             self._audit.write(event, **fields)

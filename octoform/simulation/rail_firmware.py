@@ -18,7 +18,7 @@ from octoform.base.clock import Clock
 FAULTS = ("mute", "odd", "gone", "jammed", "late", "hot")
 # mute: does nothing and sends nothing. odd: answers nonsense. gone: the next line unplugs it. jammed: answers well and
 # does not move. late: moves and answers much later. hot: refuses every movement.
-_LONGEST_LINE = 64
+_MAX_LINE = 64
 _NUMBER = re.compile(r"[+-]?\d{1,9}")
 AXES = ("X", "Y")
 
@@ -122,7 +122,7 @@ class LineDevice:
                     break
                 line, _, self._text = self._text.partition(b"\n")
                 out += self._obeyed(line.strip(b"\r ").decode("ascii", "backslashreplace"))
-            if len(self._text) > _LONGEST_LINE and self.due is None:
+            if len(self._text) > _MAX_LINE and self.due is None:
                 self._text = b""
                 out += b"ERR line too long\n"
             return out

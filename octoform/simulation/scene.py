@@ -252,7 +252,7 @@ _BELOW = bytes(min(level, 255 - 2 * _BIAS) for level in range(256))
 
 
 FAULTS = ("black", "uniform", "frozen")
-_LONGEST = 0.2
+_MAX_SECONDS = 0.2
 """Seconds that a picture is kept although nothing moves: the clock in it goes on."""
 
 
@@ -305,8 +305,8 @@ class Camera:
 
     def _run(self) -> None:
         shown = self.scene.state()
-        while not self._over.wait(_LONGEST / 2):
+        while not self._over.wait(_MAX_SECONDS / 2):
             state = self.scene.state()
-            if state != shown or self._over.wait(_LONGEST / 2) is False:
+            if state != shown or self._over.wait(_MAX_SECONDS / 2) is False:
                 self.write()
             shown = state

@@ -27,7 +27,7 @@ from octoform.state.files import (
 )
 from octoform.state.layout import STAGES, STEP, Layout
 
-MOST_FILES = 1000
+MAX_FILES = 1000
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +118,8 @@ def _names(folder: Path) -> list[str]:
         if path.is_symlink():
             raise _LinkError(path)
         names.append(path.relative_to(folder).as_posix())
-        if len(names) > MOST_FILES:
-            raise OSError(None, f"more than {MOST_FILES} files lie here")
+        if len(names) > MAX_FILES:
+            raise OSError(None, f"more than {MAX_FILES} files lie here")
     return sorted(names)
 
 

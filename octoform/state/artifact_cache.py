@@ -27,7 +27,7 @@ from octoform.state.layout import Layout
 FORMAT = 1
 GENERATIONS = 2
 """What is accepted now, and what was accepted before: a rewrite that is taken back finds the former files."""
-MOST_BYTES = 8_000_000
+MAX_BYTES = 8_000_000
 """Of all files of one node together; artifacts are texts, and what is larger is made again rather than copied."""
 ENDPOINT = "endpoint"
 """The endpoint's own files, by their names below its folder."""
@@ -47,9 +47,9 @@ def folder_digest(files: Files) -> str:
 def keep(layout: Layout, node: str, files: Files) -> Diagnostic | None:
     """Keep a copy of a node's files as its newest generation; why that is not done, None when it is.
 
-    What is larger than ``MOST_BYTES`` in all is not kept, and that is no problem. For the holder of the state's lock.
+    What is larger than ``MAX_BYTES`` in all is not kept, and that is no problem. For the holder of the state's lock.
     """
-    if sum(len(data) for data in files.values()) > MOST_BYTES:
+    if sum(len(data) for data in files.values()) > MAX_BYTES:
         return None
     digests = {name: digest.of_bytes(data) for name, data in files.items()}
     index = _read(layout)
@@ -177,7 +177,7 @@ def _name(wanted: str) -> str:
 #
 # What is put back over something never destroys it: what was there is moved away first and named. Light.
 
-MOST_ASIDE = 30
+MAX_ASIDE = 30
 """Folders of damaged files that are kept; those with edits of committed files are never dropped by octoform."""
 _MARKER = re.compile(rb"^(<{7} |>{7} )", re.MULTILINE)
 
@@ -260,7 +260,7 @@ def _damaged_folder(layout: Layout) -> Path:
 
 def _bound(layout: Layout) -> None:
     found = sorted(path for path in _damaged_folder(layout).iterdir() if path.name.endswith("-damaged"))
-    for path in found[:-MOST_ASIDE]:
+    for path in found[:-MAX_ASIDE]:
         shutil.rmtree(path, ignore_errors=True)
 
 

@@ -17,7 +17,7 @@ from octoform.state.layout import STAGES, STEP, Layout
 from octoform.state.model import Persisted, Usage
 
 FILE_NAME = "attempt.json"
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 
 
 class SpecEdit(Persisted):
@@ -75,7 +75,7 @@ def write(folder: Path, record: AttemptRecord) -> Diagnostic | None:
 
 def read(folder: Path) -> AttemptRecord | None:
     """The record of an attempt; None while it runs, when it was interrupted, or when the file is none of ours."""
-    data, _ = read_regular(folder / FILE_NAME, MOST_BYTES)
+    data, _ = read_regular(folder / FILE_NAME, MAX_BYTES)
     try:
         return AttemptRecord.model_validate_json(data) if data is not None else None
     except ValidationError:

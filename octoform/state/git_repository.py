@@ -20,7 +20,7 @@ from octoform.state.git_head import Repository, repository
 from octoform.state.git_invocation import RepositoryRefused, call
 
 _TAIL = 3000
-_MOST_NAMES = 200  # in one command line, which the system bounds
+_MAX_NAMES = 200  # in one command line, which the system bounds
 _PLAIN = ("100644", "100755")
 """Modes of files in a tree: no links, no repositories within this one."""
 _INCLUDE = re.compile(r"include(if\..*)?\.path", re.DOTALL)
@@ -158,9 +158,9 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
         return frozenset()
     names = _inside(git.where, folders)
     found: set[Path] = set()
-    for start in range(0, len(names), _MOST_NAMES):
+    for start in range(0, len(names), _MAX_NAMES):
         options = ("-z", "--cached", "--others", "--exclude-standard")
-        failed, listing, _ = git.run("ls-files", *options, "--", *names[start : start + _MOST_NAMES])
+        failed, listing, _ = git.run("ls-files", *options, "--", *names[start : start + _MAX_NAMES])
         found.update(git.where.root / name for name in listing.split("\0") if name and not failed)
     return frozenset(found)
 

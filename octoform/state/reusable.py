@@ -20,9 +20,9 @@ from octoform.state.store.snapshot import read_snapshot
 
 STAGES = ("identify", "interface", "serve", "deploy")
 """PROBE is omitted: it lists the instances of its own host, which no other host can."""
-MOST_FOLDERS = 20_000
-MOST_HOSTS = 1_000
-DEEPEST = 6
+MAX_FOLDERS = 20_000
+MAX_HOSTS = 1_000
+MAX_DEPTH = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,7 +48,7 @@ def find(layout: Layout) -> Donors:
     own = Layout(layout.project.resolve(), layout.host)
     where = repository(own.project)
     folders = _folders(where.root) if where is not None else [own.project / "state"]
-    others = [other for other in islice(_hosts(folders), MOST_HOSTS) if other != own]
+    others = [other for other in islice(_hosts(folders), MAX_HOSTS) if other != own]
     files = kept(own.project, [other.committed for other in others]) if where is not None else None
     found: dict[str, dict[str, tuple[ReusableOutput, ...]]] = {stage: {} for stage in STAGES}
     for other in others:
@@ -99,13 +99,13 @@ def _within(folder: Path) -> list[str]:
 
 def _folders(root: Path) -> Iterator[Path]:
     """The repository's visible folders in a fixed order, bounded in number and depth; links are not followed."""
-    left = MOST_FOLDERS
+    left = MAX_FOLDERS
     for place, names, files in os.walk(root):
         folder = Path(place)
         foreign = folder != root and (".git" in names or ".git" in files)
         depth = len(folder.relative_to(root).parts)
         names[:] = sorted(name for name in names if not name.startswith(".") and name != "node_modules")
-        if foreign or depth >= DEEPEST or folder.name == "state":
+        if foreign or depth >= MAX_DEPTH or folder.name == "state":
             names.clear()
         left -= 1
         if left < 0:

@@ -129,13 +129,13 @@ class RunHuman:
                 facts += [f"{event.attempts} attempts"] if event.attempts > 1 else []
                 used = spent(event.input_tokens, event.output_tokens, event.cost_usd)
                 facts += [used] if used else []
-                self._say(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({', '.join(facts)}){tail}")
+                self._print(f"{paint('✓', 'green')} {event.node:<10} {event.found}  ({', '.join(facts)}){tail}")
             case events.NodeUnchanged():
-                self._say(paint(f"= {event.node:<10} {event.reason}", "dim"))
+                self._print(paint(f"= {event.node:<10} {event.reason}", "dim"))
             case events.NodeFailed():
-                self._say(f"{paint('✗', 'red')} {event.node:<10} failed after {event.seconds:.1f} s")
+                self._print(f"{paint('✗', 'red')} {event.node:<10} failed after {event.seconds:.1f} s")
             case events.NodeDestroyed():
-                self._say(f"{paint('-', 'red')} {event.node:<10} destroyed")
+                self._print(f"{paint('-', 'red')} {event.node:<10} destroyed")
             case events.SpecEdited():
                 self._edited(event)
             case events.StepTried():
@@ -143,9 +143,9 @@ class RunHuman:
                 text = one_line(
                     f"{event.unit}  {event.text}" if event.well else event.text, self._console.width - INDENT
                 )
-                self._say(f"{mark} {event.node:<10} {text}")
+                self._print(f"{mark} {event.node:<10} {text}")
             case events.Notice():
-                self._say(paint(f"  {event.text}", "dim"))
+                self._print(paint(f"  {event.text}", "dim"))
 
     def _progress(self, event: events.AttemptProgress) -> None:
         if self._moving is not None:
@@ -154,13 +154,13 @@ class RunHuman:
             self._running.last_pulse = event.elapsed
             used = f", {self._running.spent}" if self._running.spent else ""
             text = f": {one_line(event.text, self._console.width - INDENT)}" if event.text else ""
-            self._say(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{text}")
+            self._print(f"  {event.node:<10} still running, {event.elapsed:.0f} s elapsed{used}{text}")
 
     def _acted(self, event: events.AgentActed) -> None:
         """One line for each use of a tool, as it happens."""
         self._running.last_pulse = event.elapsed
         text = one_line(f"{event.tool}  {event.text}", self._console.width - INDENT)
-        self._say(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {text}", "dim"))
+        self._print(self._console.paint(f"    {event.node:<9} {event.elapsed:6.1f} s  {text}", "dim"))
         self._move(f"{event.tool} {event.text}")
 
     def _move(self, text: str) -> None:
@@ -172,23 +172,23 @@ class RunHuman:
         """What the agent made of its own copy of the spec, as a diff."""
         paint = self._console.paint
         what = "corrected its copy of the spec" if event.permitted else "changed its copy of the spec unasked"
-        self._say(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
+        self._print(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
         styles = {"+": "green", "-": "red", "@": "cyan"}
         for line in event.diff[2:]:
-            self._say(
+            self._print(
                 "             " + paint(one_line(line, self._console.width - INDENT), styles.get(line[:1], "dim"))
             )
         if event.permitted:
-            self._say(f"             it holds for this run only; `octoform spec diff {event.node}` shows it again")
+            self._print(f"             it holds for this run only; `octoform spec diff {event.node}` shows it again")
 
     def _work(self, node: str, what: str) -> None:
         if self._moving is not None:
             self._moving.update(node, what)
         else:
-            self._say(f"  {node:<10} {what}")
+            self._print(f"  {node:<10} {what}")
 
     def _attempt_failed(self, event: events.AttemptFailed) -> None:
-        self._say(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
+        self._print(f"{self._console.paint('!', 'yellow')} {event.node:<10} attempt {event.number} refused")
         document: dict[str, list[str]] = {}
         for item in event.diagnostics:
             if item.severity == "error" or item.code == STAYS:
@@ -197,9 +197,9 @@ class RunHuman:
             more = [f"and {len(paths) - MAX_PATHS} more, which `octoform attempts show` lists"]
             where = [f"--> {path}" for path in paths[:MAX_PATHS]] + (more if len(paths) > MAX_PATHS else [])
             for line in (text, *where):
-                self._say(f"             {one_line(line, self._console.width - INDENT)}")
+                self._print(f"             {one_line(line, self._console.width - INDENT)}")
 
-    def _say(self, text: str) -> None:
+    def _print(self, text: str) -> None:
         if self._moving is not None:
             self._moving.above(text)
         else:

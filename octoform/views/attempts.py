@@ -16,8 +16,8 @@ from octoform.views.format.table import Column, lines
 from octoform.views.format.values import escape, money, one_line, tokens, used
 
 LATEST = 20
-MOST_CALLS = 200
-MOST_TROUBLES = 20
+MAX_CALLS = 200
+MAX_TROUBLES = 20
 WIDTH = 160
 STYLES = {"+": "green", "-": "red", "@": "cyan"}
 COLUMNS = (
@@ -176,10 +176,10 @@ def _calls(detail: Detail) -> Iterator[str]:
         return
     failed = f", {detail.calls_failed} failed" if detail.calls_failed else ""
     yield f"  {_counted(len(calls), 'tool call')}{failed}"
-    for at, call in calls[:MOST_CALLS]:
+    for at, call in calls[:MAX_CALLS]:
         yield f"    {at:7.1f}s  {one_line(call.tool, 24)}  {one_line(call.text, WIDTH)}".rstrip()
-    if len(calls) > MOST_CALLS:
-        yield f"    and {len(calls) - MOST_CALLS} more, in the transcript"
+    if len(calls) > MAX_CALLS:
+        yield f"    and {len(calls) - MAX_CALLS} more, in the transcript"
 
 
 def _problem_lines(detail: Detail) -> Iterator[str]:
@@ -187,11 +187,11 @@ def _problem_lines(detail: Detail) -> Iterator[str]:
     if not troubles:
         return
     yield "  problems"
-    for at, trouble in troubles[:MOST_TROUBLES]:
+    for at, trouble in troubles[:MAX_TROUBLES]:
         kind = "closed" if isinstance(trouble, Closed) else trouble.reason.value
         yield f"    {at:7.1f}s  {kind}  {one_line(trouble.text, WIDTH)}".rstrip()
-    if len(troubles) > MOST_TROUBLES:
-        yield f"    and {len(troubles) - MOST_TROUBLES} more, in the transcript"
+    if len(troubles) > MAX_TROUBLES:
+        yield f"    and {len(troubles) - MAX_TROUBLES} more, in the transcript"
 
 
 def _spec(console: Console, detail: Detail) -> Iterator[str]:
@@ -223,12 +223,12 @@ def _more(detail: Detail) -> dict[str, Any]:
         "prompt": _file(detail, "prompt.md"),
         "log": _file(detail, "agent.log"),
         "spec": lines,
-        "tool_calls": [{"at": at, "tool": call.tool, "text": call.text} for at, call in calls[:MOST_CALLS]],
+        "tool_calls": [{"at": at, "tool": call.tool, "text": call.text} for at, call in calls[:MAX_CALLS]],
         "tool_calls_in_all": len(calls),
         "tool_calls_failed": detail.calls_failed,
         "troubles": [
             {"at": at, "reason": None if isinstance(item, Closed) else item.reason.value, "text": item.text}
-            for at, item in troubles[:MOST_TROUBLES]
+            for at, item in troubles[:MAX_TROUBLES]
         ],
         "troubles_in_all": len(troubles),
     }

@@ -14,7 +14,7 @@ from octoform.views.format import table
 from octoform.views.format.values import one_line
 
 TEMPLATES = Path(__file__).parent / "templates"
-LONGEST = 500
+MAX_LENGTH = 500
 
 
 def page(report: CoverageReport) -> str:
@@ -26,7 +26,7 @@ def page(report: CoverageReport) -> str:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["foreign"] = lambda text, longest=LONGEST: one_line(str(text), longest)
+    environment.filters["foreign"] = lambda text, longest=MAX_LENGTH: one_line(str(text), longest)
     found = report.coverage
     return environment.get_template("coverage.html.j2").render(
         report=report,

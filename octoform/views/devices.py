@@ -13,7 +13,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.values import one_line
 from octoform.views.plan_text import counted
 
-_LONGEST = 4000
+_MAX_LENGTH = 4000
 _WIDEST_ID = 32
 """A longer id moves its own line alone."""
 _BY = {"strong": "by serial", "positional": "by port", "weak": "ambiguous"}
@@ -40,14 +40,14 @@ def show(console: Console, found: Listing, *, as_json: bool, verbose: bool) -> i
     console.line(f"{counted(len(found.devices), 'device')}{attached}, {len(found.left_out)} skipped{more}")
     if verbose:
         for item in found.left_out:
-            console.wrapped("", one_line(_left_out(item), _LONGEST), indent=4)
+            console.wrapped("", one_line(_left_out(item), _MAX_LENGTH), indent=4)
     return 0
 
 
 def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
     tools = counted(len(row.tools), "tool") if row.tools else "no tool"
     tools += ", needs a profile" if row.needs_profile else ""
-    what = one_line(f"{row.identified_as} ({row.category}, {tools})", _LONGEST)
+    what = one_line(f"{row.identified_as} ({row.category}, {tools})", _MAX_LENGTH)
     lead = f"{console.paint(f'{row.id:<{wide}}', 'bold')}  "
     console.wrapped(lead, f"{what}  {_where(console, row)}", indent=wide + 2)
     if not verbose:
@@ -62,7 +62,7 @@ def _row(console: Console, row: Row, wide: int, *, verbose: bool) -> None:
         details += [f"note: {row.now.doubt}"] if row.now.doubt else []
         details += [f"no rights: {node['node']}: {node['remedy']}" for node in row.now.refused]
     for line in details:
-        console.wrapped("    ", one_line(line, _LONGEST), indent=8)
+        console.wrapped("    ", one_line(line, _MAX_LENGTH), indent=8)
 
 
 def _where(console: Console, row: Row) -> str:
@@ -74,7 +74,7 @@ def _where(console: Console, row: Row) -> str:
     by = _BY.get(row.now.strength, row.now.strength)
     held = f"{by}, in doubt" if row.now.doubt else by
     held += ", no rights" if row.now.refused else ""
-    return one_line(f"at {row.now.port}{nodes} [{held}]", _LONGEST)
+    return one_line(f"at {row.now.port}{nodes} [{held}]", _MAX_LENGTH)
 
 
 def _left_out(item: LeftOut) -> str:

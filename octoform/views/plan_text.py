@@ -113,7 +113,7 @@ def spec(node: str) -> str:
     return f"privileged/{node.removeprefix(STEP)}.md" if node.startswith(STEP) else f"{node}.md"
 
 
-LONGEST_ANSWER = 120
+MAX_ANSWER = 120
 SYMBOLS = {
     Action.CREATE: "+",
     Action.UPDATE: "~",
@@ -207,7 +207,7 @@ def reasons(plan: Plan, item: PlannedAction) -> list[str]:
 def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
     if item.cause is Cause.NEW:
         outlook = outlook_of(plan, action)
-        purpose = _PURPOSES.get(action.node) or (one_line(outlook.about, LONGEST_ANSWER) if outlook else None)
+        purpose = _PURPOSES.get(action.node) or (one_line(outlook.about, MAX_ANSWER) if outlook else None)
         return f"not in the state yet: {purpose}" if purpose else "not in the state yet"
     if item.cause is Cause.CHANGED:
         return _changed(plan, action, item)
@@ -241,7 +241,7 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
 
 def _answer_text(item: Reason) -> str:
     """A person's present answer about a device, in quotes, and the former answer."""
-    before, after = (f'"{one_line(text, LONGEST_ANSWER)}"' if text else "" for text in (item.before, item.after))
+    before, after = (f'"{one_line(text, MAX_ANSWER)}"' if text else "" for text in (item.before, item.after))
     if before and after:
         return f"{before} -> {after}"
     return f"new: {after}" if after else f"no longer there: {before}"

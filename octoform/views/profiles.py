@@ -8,10 +8,10 @@ from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
 from octoform.profiles.definition_values import Value
 from octoform.profiles.limits import describe
-from octoform.profiles.lines import Command, LineGrammar
+from octoform.profiles.lines import Command, LineDefinition
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.model import Grammar, Profile, plain
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterDefinition
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.values import escape, one_line
@@ -62,7 +62,7 @@ def _part(title: str, lines: list[str]) -> Iterator[str]:
 
 def _tools(grammar: Grammar) -> Iterator[str]:
     """A line for each tool: what a caller may say, what is answered, the effect, and what the device is made to do."""
-    if isinstance(grammar, LineGrammar):
+    if isinstance(grammar, LineDefinition):
         lines = {item.tool: (", ".join(map(_value, item.fields)), _does(item)) for item in grammar.commands}
         unit = ""
     else:
@@ -83,7 +83,7 @@ def _does(command: Command) -> str:
 
 def _bus(grammar: Grammar) -> Iterator[str]:
     """The units that a protocol definition of registers speaks to, as they are on the rig, and through what."""
-    if not isinstance(grammar, RegisterGrammar):
+    if not isinstance(grammar, RegisterDefinition):
         return
     registers = grammar.registers
     yield ", ".join(f"{name} {number}" for name, number in registers.ids.items())

@@ -77,9 +77,9 @@ def _cut(value: object, width: int = MAX_SOURCES) -> str:
     return one_line(str(value), width) if isinstance(value, str | int | float) else "?"
 
 
-MOST = 100
+MAX_LINES = 100
 """Of the parts of a key and of the facts about a node that are shown; a program is given all."""
-MOST_WIDE = 40
+MAX_WIDE = 40
 
 
 def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
@@ -129,14 +129,14 @@ def _node(console: Console, name: str, state: NodeState) -> None:
         say(f"  {label:<9} {text}")
     say(f"  output    {_line(plan_text.show(state.output_digest))}")
     say(f"  key       {_line(plan_text.show(state.key))}")
-    parts = [(_line(part), _line(plan_text.show(value))) for part, value in sorted(state.key_parts.items())[:MOST]]
-    wide = min(MOST_WIDE, max((len(part) for part, _ in parts), default=0))
+    parts = [(_line(part), _line(plan_text.show(value))) for part, value in sorted(state.key_parts.items())[:MAX_LINES]]
+    wide = min(MAX_WIDE, max((len(part) for part, _ in parts), default=0))
     for part, value in parts:
         say(f"    {part:<{wide}} {value}")
     known = {"contract", *TOLD}
     fields = {key: value for key, value in state.detail.items() if key not in known and not isinstance(value, dict)}
     rows = [("" if number else key, row) for key, value in fields.items() for number, row in enumerate(_rows(value))]
-    for key, row in rows[:MOST]:
+    for key, row in rows[:MAX_LINES]:
         say(f"  {_line(key):<9} {_line(row)}")
 
 

@@ -11,7 +11,7 @@ from typing import Any
 
 from campaign.bench import Bench, until
 from campaign.cases_discovery import appears, kept, served
-from campaign.cases_tools import BROKEN, FAILING, HEALING, MOST_CALLS, broken, heal, mended, told, watch
+from campaign.cases_tools import BROKEN, FAILING, HEALING, MAX_CALLS, broken, heal, mended, told, watch
 from campaign.model import WAITS, Case
 from campaign.rig import SENSOR, report
 
@@ -151,7 +151,7 @@ _HEALED = partial(
     right=_settled,
     repair=60.0,
     may_change=("state/bench/", ".octoform/bench/endpoint/"),
-    calls=MOST_CALLS,
+    calls=MAX_CALLS,
     spoils=True,
 )
 _LEFT = frozenset({Repair.RESTORE, Repair.REPUBLISH, Repair.RESTART})
@@ -170,7 +170,7 @@ CASES = (
         mend=_mended_after_kill,
         hold=SETTLED,
         may_change=("state/bench/state.json", ".octoform/bench/endpoint/"),
-        calls=MOST_CALLS,
+        calls=MAX_CALLS,
         untold=1,
     ),
     _HEALED("emergency stop while WATCH works", partial(_stopped_while, "watch")),

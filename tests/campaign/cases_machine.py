@@ -13,7 +13,7 @@ from pathlib import Path
 from campaign.bench import Bench
 from campaign.cases_files import whole
 from campaign.cases_process import end
-from campaign.cases_tools import MOST_CALLS, broken, mended
+from campaign.cases_tools import MAX_CALLS, broken, mended
 from campaign.model import SURFACED, WAITS, Case
 
 from octoform.daemon.model import Kind, Repair
@@ -180,7 +180,7 @@ CASES = (
         SURFACED,
         mend=mended,
         repair=60.0,
-        calls=MOST_CALLS,
+        calls=MAX_CALLS,
         after=_agent_saw,
     ),
 )

@@ -13,7 +13,7 @@ from octoform.daemon.model import Kind, Repair
 FAILING = frozenset({Kind.TOOL_FAILING})
 ASKED = frozenset({Repair.WATCH, Repair.PERSON})
 HEALING = ASKED | {Repair.HEAL, Repair.ROLL_BACK}
-MOST_CALLS = 8
+MAX_CALLS = 8
 BROKEN = {
     "tool": "weigh",
     "device": SENSOR,
@@ -71,7 +71,7 @@ def told(
         SURFACED,
         mend=mended,
         repair=60.0,
-        calls=MOST_CALLS,
+        calls=MAX_CALLS,
         rows=rows,
         after=after,
     )
@@ -142,7 +142,7 @@ CASES = (
         right=_works,
         repair=60.0,
         may_change=("state/bench/", ".octoform/bench/endpoint/"),
-        calls=MOST_CALLS,
+        calls=MAX_CALLS,
         spoils=True,
     ),
     Case(
@@ -153,6 +153,6 @@ CASES = (
         SURFACED,
         mend=_mend_wait,
         repair=60.0,
-        calls=MOST_CALLS,
+        calls=MAX_CALLS,
     ),
 )

@@ -23,7 +23,7 @@ from campaign.bench import Bench, until
 from campaign.making import made, plug_in
 
 from octoform.daemon.store import instance_lock
-from octoform.state.artifact_cache import MOST_ASIDE
+from octoform.state.artifact_cache import MAX_ASIDE
 
 MINUTE = 60.0
 CALM = 90.0
@@ -35,7 +35,7 @@ LEAST = 6
 """Counts from which growth is measured."""
 BEYOND = (
     *(("resident", 3072), ("descriptors", 3), ("threads", 2), ("watches", 8), ("locks", 1)),
-    *(("children", 1), ("strangers", 0), ("files", MOST_ASIDE)),
+    *(("children", 1), ("strangers", 0), ("files", MAX_ASIDE)),
 )
 """What may not grow, and by how much it may differ from moment to moment."""
 NAMES = (

@@ -30,7 +30,7 @@ from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterDefinition
 from octoform.server.gate.tool_registry import Entries
 from octoform.server.restrictions import Restrictions
 from octoform.server.tool_policy import read
@@ -76,7 +76,7 @@ class ArmWorld(DaemonWorld):
         protects = [
             (name, one.registers.protect)
             for name, one in grammars
-            if isinstance(one, RegisterGrammar) and one.registers.protect is not None
+            if isinstance(one, RegisterDefinition) and one.registers.protect is not None
         ]
         # The breakers stop an agent that does not help after three tries; in the eleven hours it may go on.
         settings = Daemon(calls_per_hour=1000, heal_attempts=100 if whole else 3)

@@ -82,7 +82,7 @@ def invented(value: Output) -> None:
 
 NAME, WAY, PIPE = "IDENTIFY-NAME-WITHOUT-EVIDENCE", "IDENTIFY-CAPABILITY-WITHOUT-CLASS", "IDENTIFY-PASSTHROUGH"
 MOVES, CHIP = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-CHIP-NOT-PRODUCT"
-MOST_FINDINGS = 2
+MAX_FINDINGS = 2
 """A guess that moves something is reported as both, since both have to go."""
 CAM = "product: Bench Cam <serial>"
 WRONG: dict[str, tuple[Change, str, str]] = {
@@ -314,4 +314,4 @@ def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
 ) -> None:
     _, code, result = WRONG[case]
     found = refused[case]
-    assert code in found and len(found) <= MOST_FINDINGS and result in found[code], found
+    assert code in found and len(found) <= MAX_FINDINGS and result in found[code], found

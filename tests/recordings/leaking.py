@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 SHORTEST = 6
-MOST_BYTES = 1 << 20
+MAX_BYTES = 1 << 20
 _ATTRIBUTES = re.compile(
     r"(?:(?:product|board|chassis|platform|unit|assembly)_)?serial(?:_?number)?|sn|wwid|nguid|eui|uniq|unique_id"
     r"|product_uuid|uuid|cid|mac_address|address|addr|machine-id|hostname"
@@ -146,6 +146,6 @@ def _strings(value: Any) -> Iterator[str]:
 def _text(path: Path) -> str:
     try:
         with path.open("rb") as file:
-            return file.read(MOST_BYTES).decode("utf-8", "replace")
+            return file.read(MAX_BYTES).decode("utf-8", "replace")
     except OSError:  # a recorded attribute that could not be read
         return ""

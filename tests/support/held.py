@@ -28,7 +28,7 @@ Edit = Callable[[str], str]
 Known = Callable[[Any], Artifacts]
 """What the contract holds an output to, for the value of that output."""
 ALSO_RUN = 3
-MOST_ATTEMPTS = 18
+MAX_ATTEMPTS = 18
 """The most that are tried in one run here; the manifest takes up to 20."""
 
 
@@ -110,8 +110,8 @@ def _run(
     if environments is not None:
         project.share_environments(environments)
     errors: list[list[Output]] = []
-    for first in range(0, len(changes), MOST_ATTEMPTS):
-        part = changes[first : first + MOST_ATTEMPTS]
+    for first in range(0, len(changes), MAX_ATTEMPTS):
+        part = changes[first : first + MAX_ATTEMPTS]
         project.script = {name: [{"write": json.dumps(output)}] for name, output in earlier.items()}
         project.script[stage] = [{"write": _written(good, change)} for change in part]
         project.manifest = {"stages": f"{{{stage}: {{budget: {{attempts: {len(part)}}}}}}}"}

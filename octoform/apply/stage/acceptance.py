@@ -27,8 +27,8 @@ from octoform.protocol.prompt import tail
 from octoform.records import dataclass
 from octoform.state.os_errors import refusal
 
-MOST_BYTES = {"serve": 256 * 1024}
-MOST_JSON_BYTES = 8 * 1024 * 1024
+MAX_BYTES = {"serve": 256 * 1024}
+MAX_JSON_BYTES = 8 * 1024 * 1024
 LINES_QUOTED = 2
 BYTES_QUOTED = 400
 
@@ -167,7 +167,7 @@ def read_output(task: Task) -> tuple[bytes, list[Diagnostic]]:
         return b"", [error("ARTIFACT-MISSING", f"{task.stage} wrote no output", path=path, hint=hint)]
     if not stat.S_ISREG(facts.st_mode) or facts.st_nlink > 1:
         return b"", [error("ARTIFACT-LINK", f"the output of {task.stage} is not a separate plain file", path=path)]
-    most = MOST_BYTES.get(task.stage, MOST_JSON_BYTES)
+    most = MAX_BYTES.get(task.stage, MAX_JSON_BYTES)
     if facts.st_size > most:
         text = f"the output of {task.stage} has {facts.st_size} bytes; at most {most} are read"
         return b"", [error("ARTIFACT-TOO-LARGE", text, path=path)]

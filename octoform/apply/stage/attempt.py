@@ -41,7 +41,7 @@ from octoform.harness.port import (
 from octoform.manifest.model import MODEL_FREE
 from octoform.profiles import Profile, briefing, devices_of, for_task, packaging
 from octoform.protocol import Prompt, render_prompt
-from octoform.protocol.prompt import MOST_TAIL_BYTES, findings
+from octoform.protocol.prompt import MAX_TAIL_BYTES, findings
 from octoform.records import dataclass
 from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
@@ -53,7 +53,7 @@ from octoform.state.layout import OUTPUT_NAMES
 # What only running an output can show (a server's tools, a set of packages) is not looked at.
 
 PROGRAM, REQUEST, SAID = "check", "check.asked", "check.said"
-MOST = 30
+MAX_CHECKS = 30
 """How often an attempt may ask: enough to fix one thing after the other, and no way to try every value."""
 PAUSE_SECONDS = 0.1
 _WAIT_TENTHS = 600
@@ -107,12 +107,12 @@ class Checks:
                     files.replace(self._folder / SAID, key + b"\n" + self._answer().encode(), 0o644, synced=False)
 
     def _answer(self) -> str:
-        if self.count == MOST:
-            return f"refused\nthis was asked {MOST} times; no more is judged before you end\n"
+        if self.count == MAX_CHECKS:
+            return f"refused\nthis was asked {MAX_CHECKS} times; no more is judged before you end\n"
         self.count += 1
         found = self._judge()
         if found:
-            left = MOST - self.count
+            left = MAX_CHECKS - self.count
             return f"refused\nit would be refused ({left} {'check' if left == 1 else 'checks'} left):\n{found}\n"
         return "accepted\nit would be accepted, as far as that shows without running it\n"
 
@@ -234,7 +234,7 @@ def _excerpt(context: Context, task: Task, failed: Failed | None) -> Excerpt:
     # Imported here: few manifests name such a model, and what talks to it takes long to load.
     from octoform.harness.llm.completion import LiteLLMCompletion, condense
 
-    excerpt = condense(failed.log, MOST_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
+    excerpt = condense(failed.log, MAX_TAIL_BYTES, LiteLLMCompletion(settings, context.environ))
     if excerpt.reason:
         context.emit(
             events.Notice(task.stage, f"the log is not condensed, the next attempt gets its end: {excerpt.reason}")

@@ -53,7 +53,7 @@ from octoform.state.os_errors import refusal
 # transcript has the same in one line for each thing that it did.
 
 FILE_NAME = "story.txt"
-MOST_LINES = 400
+MAX_LINES = 400
 
 
 def readable_log(task: Task, outcome: Outcome) -> Path:
@@ -68,7 +68,7 @@ def readable_log(task: Task, outcome: Outcome) -> Path:
     if not lines:
         return task.log
     story = task.workdir / FILE_NAME
-    replace_file(story, "".join(f"{line}\n" for line in lines[-MOST_LINES:]).encode(), 0o644, synced=False)
+    replace_file(story, "".join(f"{line}\n" for line in lines[-MAX_LINES:]).encode(), 0o644, synced=False)
     return story
 
 

@@ -25,7 +25,7 @@ from octoform.state.attempts import AttemptRecord, SpecEdit
 from octoform.state.layout import OUTPUT_NAMES
 from octoform.state.reusable import ReusableOutput
 
-MOST_FILES = 200
+MAX_FILES = 200
 OURS = frozenset(
     {
         *("agent.log", "attempt.json", "input.json", "process.json", "prompt.md", "spec.md", "story.txt", "task.json"),
@@ -154,9 +154,9 @@ def written_files(workdir: Path) -> list[str]:
         links = (name for name in folders if (place / name).is_symlink())
         kept = sorted(name for name in (*names, *links) if name not in own)
         found += [(place / name).relative_to(workdir).as_posix() for name in kept]
-        if len(found) >= MOST_FILES:
+        if len(found) >= MAX_FILES:
             break
-    return sorted(map(escaped, found[:MOST_FILES]))
+    return sorted(map(escaped, found[:MAX_FILES]))
 
 
 def _started(context: Context, outcome: Outcome) -> str:

@@ -23,7 +23,7 @@ from octoform.state.accepted import file_digest
 from octoform.state.files import read_regular
 from octoform.state.reusable import ReusableOutput
 
-MOST_REFUSED = 5
+MAX_REFUSED = 5
 """A test of a server takes as long as an agent's run may; behind so many that do not hold, the agent is asked."""
 
 
@@ -36,7 +36,7 @@ def take(context: Context, stage: str, key: str) -> Finished | None:
     judged: set[bytes] = set()
     refused = 0
     for donor in context.donors().get(stage, {}).get(key, ()):
-        if refused == MOST_REFUSED:
+        if refused == MAX_REFUSED:
             break
         data, _ = read_regular(donor.layout.output(stage))
         if data is None or file_digest(donor.layout, stage) != donor.state.file_digest:

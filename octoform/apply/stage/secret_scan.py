@@ -22,7 +22,7 @@ from octoform.redaction import found_in, redacted, spellings
 
 SHORTEST = 8
 """Shorter values are ordinary words (``debug``, ``C.UTF-8``) that an honest output may hold."""
-MOST_PLACES = 10
+MAX_PLACES = 10
 _HEADER = "-----BEGIN"
 _KEY_MATERIAL = re.compile(r"[A-Za-z0-9+/]{32}")
 _HINT = "an agent must not hand over what one logs in with; the output was taken out of the attempt's folder"
@@ -51,7 +51,7 @@ def masked(task: Task, data: bytes) -> tuple[bytes, list[Diagnostic]]:
             pointer=place,
             hint="if it is a real one, it is readable by everybody who can use this machine",
         )
-        for place in places[:MOST_PLACES]
+        for place in places[:MAX_PLACES]
     ]
     return json.dumps(blanked(value), ensure_ascii=False).encode("utf-8", "surrogatepass"), lines
 
@@ -102,7 +102,7 @@ def _given(task: Task) -> Mapping[str, str]:
 
 def _looking_like_one(task: Task, texts: list[tuple[str, str]]) -> list[Diagnostic]:
     """Where something looks like a secret; the text as a whole only counts where no part of it does."""
-    places = list(islice((place for place, text in texts[1:] if place and _shows_one(text)), MOST_PLACES))
+    places = list(islice((place for place, text in texts[1:] if place and _shows_one(text)), MAX_PLACES))
     if not places and not _shows_one(texts[0][1]):
         return []
     return [

@@ -105,7 +105,7 @@ def _right(value: Any, found: Iterable[Diagnostic]) -> str:
     return f"No finding is about {', '.join(lines)}." if lines else ""
 
 
-MOST_CHANGES = 40
+MAX_CHANGES = 40
 _KEYS = {"devices": "id", "left_out": "id", "tools": "name"}
 
 
@@ -123,8 +123,8 @@ def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | No
     names = sorted({*known.key_parts, *parts})
     moved = [(name, known.key_parts.get(name), parts.get(name)) for name in names]
     lines = [line for name, before, after in moved if before != after for line in _moved(context, name, before, after)]
-    more = [f"and {len(lines) - MOST_CHANGES} more"] if len(lines) > MOST_CHANGES else []
-    return Failed((), None, context.specs[stage].text, former, changed=(*lines[:MOST_CHANGES], *more))
+    more = [f"and {len(lines) - MAX_CHANGES} more"] if len(lines) > MAX_CHANGES else []
+    return Failed((), None, context.specs[stage].text, former, changed=(*lines[:MAX_CHANGES], *more))
 
 
 def _moved(context: Context, part: str, before: str | None, after: str | None) -> Iterator[str]:

@@ -14,8 +14,8 @@ from octoform.records import dataclass
 from octoform.redaction import redacted
 
 FILE_NAME = "spec.md"
-MOST_SPEC_BYTES = 256 * 1024
-MOST_DIFF_LINES = 200
+MAX_SPEC_BYTES = 256 * 1024
+MAX_DIFF_LINES = 200
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,8 +55,8 @@ def look(workdir: Path, given: str, secrets: Mapping[str, str], *, permitted: bo
 
     An edit is shown, kept and perhaps committed: the ``secrets``, by name, and what looks like one are redacted in it.
     """
-    data = read_plain(workdir / FILE_NAME, MOST_SPEC_BYTES + 1)
-    if data is None or len(data) > MOST_SPEC_BYTES:
+    data = read_plain(workdir / FILE_NAME, MAX_SPEC_BYTES + 1)
+    if data is None or len(data) > MAX_SPEC_BYTES:
         return None
     text = data.decode("utf-8", "replace")
     if text == given:
@@ -68,5 +68,5 @@ def look(workdir: Path, given: str, secrets: Mapping[str, str], *, permitted: bo
 def unified(before: str, after: str) -> tuple[str, ...]:
     """The lines of a unified diff between two texts of a spec, bounded."""
     lines = list(difflib.unified_diff(before.splitlines(), after.splitlines(), "spec.md", "edited", lineterm="", n=2))
-    more = len(lines) - MOST_DIFF_LINES
-    return (*lines[:MOST_DIFF_LINES], f"({more} more lines)") if more > 0 else tuple(lines)
+    more = len(lines) - MAX_DIFF_LINES
+    return (*lines[:MAX_DIFF_LINES], f"({more} more lines)") if more > 0 else tuple(lines)

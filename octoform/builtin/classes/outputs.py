@@ -185,7 +185,7 @@ LINE = record("Line", offset=WHOLE, name=TEXT, consumer=TEXT, used=FLAG, directi
 CHIP = record("Chip", name=TEXT, label=TEXT, lines=listing(LINE))
 CHIPS = record("Chips", device=TEXT, chips=listing(CHIP))
 LEVEL = record("Level", device=TEXT, chip=WHOLE, line=WHOLE, name=TEXT, level=maybe(WHOLE), used_by=TEXT)
-MOST_LINES = 512
+MAX_LINES = 512
 
 
 def _percent(_: Facts) -> dict[str, Schema]:
@@ -204,7 +204,7 @@ def _led(facts: Facts) -> dict[str, Schema]:
 
 
 def _line(facts: Facts) -> dict[str, Schema]:
-    count = max((int(fact.get("lines") or 0) for fact in facts), default=0) or MOST_LINES
+    count = max((int(fact.get("lines") or 0) for fact in facts), default=0) or MAX_LINES
     return {
         "line": _index("offset of the line on its chip", count),
         "chip": {**_index("which of the device's chips", 16), "default": 0},
@@ -283,7 +283,7 @@ OUTPUT = record(
 )
 OUTPUTS = record("Outputs", device=TEXT, outputs=listing(OUTPUT))
 _VALUE = "in V, out_current in A, out_resistance in ohm"
-MOST, MOST_OHMS = 50, 1_000_000
+MOST, MAX_OHMS = 50, 1_000_000
 """No converter gives more, in volts or amperes, and no potentiometer; each reports its own maximum."""
 
 
@@ -293,7 +293,7 @@ def _output(facts: Facts) -> dict[str, Schema]:
     )
     return {
         "channel": one_of("which output", names or ["out_voltage0"]),
-        "value": number(_VALUE, -MOST, MOST_OHMS if any("resistance" in name for name in names) else MOST),
+        "value": number(_VALUE, -MOST, MAX_OHMS if any("resistance" in name for name in names) else MOST),
     }
 
 

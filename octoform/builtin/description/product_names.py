@@ -89,8 +89,8 @@ KINDS = frozenset(
 )
 
 
-LONGEST_NAME = 120
-MOST_WORDS = 18
+MAX_NAME = 120
+MAX_WORDS = 18
 _WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
 _CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
@@ -124,15 +124,15 @@ _LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
 def tidy(text: str) -> str:
-    """A string fit to be shown as a name: one line of at most LONGEST_NAME characters, without PROBE's marks.
+    """A string fit to be shown as a name: one line of at most MAX_NAME characters, without PROBE's marks.
 
     It is cut where a word ends, since half a word is in no string of the device.
     """
     plain = _SERIAL.sub(" ", _MARKS.sub(" ", text)).replace("_", " ")
     printable = "".join(sign if sign.isprintable() else " " for sign in plain)
     line = _TWICE.sub(r"\1", " ".join(printable.split()))
-    if len(line) > LONGEST_NAME:
-        line = _LAST_PART.sub("", line[: LONGEST_NAME + 1]) or line[:LONGEST_NAME]
+    if len(line) > MAX_NAME:
+        line = _LAST_PART.sub("", line[: MAX_NAME + 1]) or line[:MAX_NAME]
     return line.strip()
 
 
@@ -169,7 +169,7 @@ def without_ids(text: str) -> str:
 def is_name(text: str) -> bool:
     """True for what can be a product's name at all: has letters and is no sentence or paragraph."""
     tokens = words(text)
-    return (any(token[0].isalpha() for token in tokens) or is_foreign(text)) and len(tokens) <= MOST_WORDS
+    return (any(token[0].isalpha() for token in tokens) or is_foreign(text)) and len(tokens) <= MAX_WORDS
 
 
 def is_foreign(text: str) -> bool:

@@ -23,10 +23,10 @@ from octoform.builtin.probe.reader import Reader
 from octoform.records import dataclass
 
 RECORDED = "/recorded/commands"
-MOST_BYTES = 8 << 20
+MAX_BYTES = 8 << 20
 MARGIN = 0.8
 """The part of a scan's time that its tool gets: the rest is for ending it, so that the scan itself ends in time."""
-MOST_SECONDS = 10.0
+MAX_SECONDS = 10.0
 _SYSTEM_FOLDERS = ("/usr/bin", "/bin", "/usr/sbin", "/sbin")
 _CHUNK = 1 << 16
 
@@ -40,7 +40,7 @@ class Command:
     folders: tuple[str, ...] = ()
 
 
-def output(command: Command, reader: Reader, most: int = MOST_BYTES) -> str:
+def output(command: Command, reader: Reader, most: int = MAX_BYTES) -> str:
     """What the tool prints, as text; OSError in the words of a scan's status where it does not.
 
     FileNotFoundError: the host has no such tool. TimeoutError: it did not end in time. Another OSError: it failed,
@@ -138,7 +138,7 @@ def _bridge() -> dict[str, str]:
 
 
 def _time_left(reader: Reader) -> float:
-    return min(MOST_SECONDS, MARGIN * max(0.0, reader.ends - time.monotonic()))
+    return min(MAX_SECONDS, MARGIN * max(0.0, reader.ends - time.monotonic()))
 
 
 # Reads what tools report as objects whose members may be missing, empty or of another type than expected.

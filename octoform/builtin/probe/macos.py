@@ -28,7 +28,7 @@ from octoform.records import dataclass
 USB = Command("ioreg-IOUSBHostDevice", ("ioreg", "-a", "-l", "-r", "-c", "IOUSBHostDevice"))
 SERIAL = Command("ioreg-IOSerialBSDClient", ("ioreg", "-a", "-l", "-r", "-c", "IOSerialBSDClient"))
 CHILDREN = "IORegistryEntryChildren"
-DEEPEST = 60
+MAX_DEPTH = 60
 
 
 class Registry:
@@ -63,7 +63,7 @@ class Registry:
             if part.subsystem == "tty":
                 self._callouts.add(part.address)
                 unit.extra["address"] = f"/dev/{part.address}"
-        if depth < DEEPEST:
+        if depth < MAX_DEPTH:
             for child in dicts(entry.get(CHILDREN)):
                 self._walk(child, unit, depth + 1)
 

@@ -17,7 +17,7 @@ from octoform.builtin.probe.unit_model import Node, Unit
 SERVICE_FILES = "/var/lib/bluetooth"
 LIST = Command("bluetoothctl-devices", ("bluetoothctl", "devices", "Paired"))
 LIST_BEFORE_5_65 = Command("bluetoothctl-paired-devices", ("bluetoothctl", "paired-devices"))
-MOST_PAIRED = 32
+MAX_PAIRED = 32
 _ADDRESS = re.compile(r"(?:[0-9A-F]{2}:){5}[0-9A-F]{2}")
 _LISTED = re.compile(rf"^Device ({_ADDRESS.pattern})\b", re.M)
 _FACT = re.compile(r"^\s+(\w[\w ]*): (.*)$", re.M)
@@ -75,7 +75,7 @@ class Paired:
     def known(self, address: str) -> PairedDevice | None:
         """The device of that address, None where it is none or there are too many."""
         address = address.upper().replace("-", ":")
-        if not _ADDRESS.fullmatch(address) or (address not in self.devices and len(self.devices) >= MOST_PAIRED):
+        if not _ADDRESS.fullmatch(address) or (address not in self.devices and len(self.devices) >= MAX_PAIRED):
             return None
         return self.devices.setdefault(address, PairedDevice(address))
 
@@ -90,7 +90,7 @@ class Paired:
     def _ask(self, reader: Reader) -> None:
         if not any(name.startswith("hci") for name in reader.names_or_none("/sys/class/bluetooth")):
             raise OSError(errno.EOPNOTSUPP, "no Bluetooth adapter")
-        for address in _listed(reader)[:MOST_PAIRED]:
+        for address in _listed(reader)[:MAX_PAIRED]:
             about = Command(f"bluetoothctl-info-{address.replace(':', '-')}", ("bluetoothctl", "info", address))
             if device := self.known(address):
                 _from_tool(device, output(about, reader))

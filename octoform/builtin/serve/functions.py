@@ -14,7 +14,7 @@ from typing import Any
 # fits on one screen. (pydantic needs the one of typing_extensions before Python 3.12.)
 
 WIDTH = 120
-MOST_INLINE = 60
+MAX_INLINE = 60
 _PLAIN = {"string": "str", "integer": "int", "number": "float", "boolean": "bool"}
 
 
@@ -65,7 +65,7 @@ class Shapes:
         """The type of a parameter that is one of some words: written out, or defined where they are many."""
         words = choices(tool["input_schema"]["properties"][parameter])
         plain = _literal(words)
-        if len(plain) <= MOST_INLINE:
+        if len(plain) <= MAX_INLINE:
             return plain
         name = "".join(word.capitalize() for word in f"{tool['capability']}_{parameter}".split("_"))
         lines = _definition(f"{name} = Literal[", [quoted(word) for word in words], "]")

@@ -173,7 +173,7 @@ def _from(module: str, used: set[str]) -> str:
     return f"from {module} import {', '.join(name for name in _FROM[module] if name in used)}"
 
 
-MOST_LINES = 500
+MAX_LINES = 500
 
 
 def run(task: Task) -> str:
@@ -197,9 +197,9 @@ def render(interface: Mapping[str, Any], profiles: Profiles = ()) -> str:
         raise TaskRefused(
             f"the INTERFACE artifact cannot be rendered: {type(problem).__name__}: {problem}"
         ) from problem
-    if (count := len(counted(text))) > MOST_LINES:
+    if (count := len(counted(text))) > MAX_LINES:
         raise TaskRefused(
-            f"the server would have {count} lines, more than {MOST_LINES}; lower budget.tools in the manifest"
+            f"the server would have {count} lines, more than {MAX_LINES}; lower budget.tools in the manifest"
         )
     return text
 

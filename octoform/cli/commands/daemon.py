@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from octoform.daemon.reconcile.supervisor import Cycle
 
 
-class Shown(Protocol):
+class CycleView(Protocol):
     """A view of the check cycles."""
 
     def __call__(self, made: Cycle, /) -> None:
@@ -34,7 +34,7 @@ class Shown(Protocol):
         """Leave the terminal as it was."""
 
 
-def watched(project: Path, screen: Console, view: Shown, *, once: bool, as_json: bool) -> tuple[int, Status | None]:
+def watched(project: Path, screen: Console, view: CycleView, *, once: bool, as_json: bool) -> tuple[int, Status | None]:
     """The exit code, and the health that the last check cycle left.
 
     None where it came to no end of its own: it was refused, which is shown (1), or ended by a signal (128 + number).

@@ -125,25 +125,25 @@ def tty_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 def installed(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan shows installing, loading or changing something: PROBE uses what is there."""
     hint = "use what is here and change nothing; a way that would have to be installed first is not_found"
-    return _telling(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install, load and change nothing", hint)
+    return _claims(value, _INSTALLED, "PROBE-INSTALLED", "PROBE may install, load and change nothing", hint)
 
 
 def port_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan goes through a network: neighbours are what the system already knows of."""
     hint = "take neighbours from what the system already knows (its tables), and mark them as context"
-    return _telling(value, _PORT_SCAN, "PROBE-NETWORK-SCAN", "PROBE may not search a network", hint)
+    return _claims(value, _PORT_SCAN, "PROBE-NETWORK-SCAN", "PROBE may not search a network", hint)
 
 
 def rights(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan shows rights that were asked for."""
     hint = "look with the rights that you have; what wants others has the status denied"
-    return _telling(value, _RIGHTS, "PROBE-RIGHTS", "PROBE may ask for no rights", hint)
+    return _claims(value, _RIGHTS, "PROBE-RIGHTS", "PROBE may ask for no rights", hint)
 
 
 def device_opened(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No scan shows using a device or of asking a bus who answers."""
     hint = "read what the kernel already shows; open no device, and send nothing on a bus to find out who answers"
-    return _telling(value, _OPENED, "PROBE-DEVICE-OPENED", "PROBE may open no device", hint)
+    return _claims(value, _OPENED, "PROBE-DEVICE-OPENED", "PROBE may open no device", hint)
 
 
 def timestamp(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -224,7 +224,7 @@ def _claims_to_touch(text: str) -> bool:
     return False
 
 
-def _telling(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hint: str) -> list[Diagnostic]:
+def _claims(value: JsonObject, words: re.Pattern[str], code: str, rule: str, hint: str) -> list[Diagnostic]:
     """An error for each scan whose name or detail mentions touching a device, unless it denies it."""
     out = []
     for index, scan in enumerate(value["scan_methods"]):

@@ -24,7 +24,7 @@ from octoform.state.store.quick_read import peek
 
 MISSING, CHANGED, LINK, FOREIGN = "missing", "changed", "link", "foreign"
 _NOT_RUNNING = "the endpoint is not running"
-_MOST_FILES = 5000
+_MAX_FILES = 5000
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,7 +154,7 @@ def _stamps(folder: Path) -> Iterator[object]:
         yield _stamp(root, own=False)
         for name in sorted(names):
             count += 1
-            if count > _MOST_FILES:
+            if count > _MAX_FILES:
                 return
             yield _stamp(root / name)
 

@@ -215,7 +215,7 @@ class Unwatched:
 MANIFEST = "octopus.yaml"
 ASKED = ("paused.json", "asked.json")
 """What commands write into the daemon's folder to be noticed by it."""
-MOST_FOLDERS = 300
+MAX_FOLDERS = 300
 
 
 def logs(layout: Layout) -> Iterator[Watch]:
@@ -255,6 +255,6 @@ def _below(folder: Path) -> Iterator[Path]:
         folders[:] = [name for name in folders if not name.startswith(".") and name != "__pycache__"]
         for name in folders:
             count += 1
-            if count > MOST_FOLDERS:
+            if count > MAX_FOLDERS:
                 return
             yield root / name

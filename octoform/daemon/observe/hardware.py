@@ -20,8 +20,8 @@ _HEARD, _NOTHING = frozenset((Cause.HARDWARE,)), frozenset[Cause]()
 _TELLING = frozenset(("add", "remove", "bind", "unbind", "move", "online", "offline"))
 """``change`` is omitted: a battery that discharges is no hot-plug."""
 _DEVICES, _VIRTUAL = "/devices/", "/devices/virtual/"
-_MOST_AT_ONCE = 4096
-_MOST_FOLDERS = 400
+_MAX_AT_ONCE = 4096
+_MAX_FOLDERS = 400
 
 
 def hardware(environ: Mapping[str, str]) -> Ear:
@@ -54,7 +54,7 @@ class Netlink:
     def hear(self) -> frozenset[Cause]:
         """Whether a device came or went; what programs make and take away is passed over."""
         found = False
-        for _ in range(_MOST_AT_ONCE):
+        for _ in range(_MAX_AT_ONCE):
             try:
                 device = self._monitor.poll(0)
             except OSError as problem:
@@ -112,7 +112,7 @@ def tree(root: Path) -> FolderEar:
         folders = [root / "sys/bus", root / "sys/class", root / "sys/block"]
         folders += [folder for bus in _listed(root / "sys/bus") for folder in (bus, bus / "devices")]
         folders += _listed(root / "sys/class")
-        for folder in folders[:_MOST_FOLDERS]:
+        for folder in folders[:_MAX_FOLDERS]:
             yield Watch(folder, Cause.HARDWARE)
 
     return FolderEar(lambda: tuple(watches()), resync=True)

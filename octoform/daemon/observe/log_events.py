@@ -22,9 +22,9 @@ from octoform.state.layout import Layout
 # A place in a file is remembered with the file's own number, so that lines which were written before a log was set
 # away are still read from where it lies now, and none is read twice.
 
-MOST_BYTES = 4_000_000
+MAX_BYTES = 4_000_000
 """What is read at one look; of a log that grew by more, the newest of it."""
-LONGEST_LINE = 1_000_000
+MAX_LINE = 1_000_000
 
 
 class Tail:
@@ -84,14 +84,14 @@ class Tail:
             size = there.st_size
             if size < self._offset:  # it was cut
                 self._offset = 0
-            cut = size - self._offset > MOST_BYTES
+            cut = size - self._offset > MAX_BYTES
             if cut:
-                self.left_out += size - MOST_BYTES - self._offset
-                self._offset = size - MOST_BYTES
+                self.left_out += size - MAX_BYTES - self._offset
+                self._offset = size - MAX_BYTES
             log.seek(self._offset)
-            data = log.read(MOST_BYTES)
+            data = log.read(MAX_BYTES)
         end = data.rfind(b"\n") + 1
-        if not end and len(data) > LONGEST_LINE:
+        if not end and len(data) > MAX_LINE:
             end = len(data)  # what has no end is no line worth waiting for
         self._offset += end
         lines = data[:end].split(b"\n")[int(cut) :]
@@ -128,7 +128,7 @@ def objects(lines: list[str]) -> Iterator[dict[str, Any]]:
             yield value
 
 
-MOST_CALLS, MOST_LINES, MOST_UNDER_WAY = 200, 100, 500
+MAX_CALLS, MAX_LINES, MAX_UNDER_WAY = 200, 100, 500
 TEXT_CHARS = 500
 CALL_SECONDS, GRACE_SECONDS = 30.0, 10.0
 """What a call may take where the policy does not say, and what may pass after that until it counts as lost."""
@@ -177,7 +177,7 @@ class Hearing:
                 failures.append(call)
         failures += self._overdue()
         printed = [_display(line) for line in self._server.lines() if not _ACCESS.search(line)] if again else []
-        return Heard(tuple(failures[-MOST_CALLS:]), tuple(worked), tuple(printed[-MOST_LINES:]))
+        return Heard(tuple(failures[-MAX_CALLS:]), tuple(worked), tuple(printed[-MAX_LINES:]))
 
     def successes(self) -> Heard:
         """Only the tools whose last call worked, of what is new; the rest is not to be judged.
@@ -197,7 +197,7 @@ class Hearing:
         """The call that a line ends; None for every other line."""
         identity, tool = str(entry.get("id")), _display(str(entry.get("tool")))
         if entry.get("event") == "call":
-            if len(self._under_way) < MOST_UNDER_WAY:
+            if len(self._under_way) < MAX_UNDER_WAY:
                 self._under_way[identity] = (tool, self._uptime())
             return None
         if entry.get("event") != "result":

@@ -72,7 +72,7 @@ class Presence:
                 return None
             found = answers or {}
             self._devices = {
-                name: self._sighting(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
+                name: self._last_seen(name, found.get(name), recorded[name], acts=acts) for name, acts in acting.items()
             }
             nodes = [node for each in found.values() for node in each.get("nodes") or ()]
             self._nodes = tuple(self._root / node.lstrip("/") for node in nodes)
@@ -83,7 +83,7 @@ class Presence:
         # What went is no news while it is unknown whether it is one of the endpoint's devices.
         return Seen(appeared, gone if self._signature is not None else (), self._devices)
 
-    def _sighting(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> LastSeen:
+    def _last_seen(self, name: str, answer: Mapping[str, Any] | None, recorded: str | None, *, acts: bool) -> LastSeen:
         """Absent is only what is known to have been there; a doubt counts only for what something is moved with."""
         if answer is None:
             return LastSeen(None, recorded=recorded)
@@ -120,14 +120,14 @@ class Asked:
                 return None
             ledger = read_instances(self._layout)[0] or {}
             asked = {name: classes_of(ledger.get(name)) for name in ids}
-            answers = parse(self._told(json.dumps(asked).encode(), ear.fileno()))
+            answers = parse(self._answer(json.dumps(asked).encode(), ear.fileno()))
         except (OSError, ValueError):
             return None
         finally:
             ear.close()
         return answers if isinstance(answers, dict) else None
 
-    def _told(self, question: bytes, ending: int | None) -> bytes:
+    def _answer(self, question: bytes, ending: int | None) -> bytes:
         """What the runtime answers; nothing when its time is over, or ``ending`` can be read first."""
         with _memory() as asked, _memory() as found:  # no file: the disk may be full
             asked.write(question)

@@ -113,7 +113,7 @@ class Answering:
         if process.instance != self._instance:
             self._instance, self._shut, self._greet = process.instance, {}, 0.0
         began = self._uptime()
-        found, hangs = self._told()
+        found, hangs = self._answer()
         if found is None:
             stays = self._stays("control", began)
             return (False, None) if stays or (hangs and not self.busy(process.pid)) else (None, None)
@@ -122,7 +122,7 @@ class Answering:
             return True, found
         return (False, found) if self._stays("clients", self._uptime()) else (True, found)
 
-    def _told(self) -> tuple[Mapping[str, Any] | None, bool]:
+    def _answer(self) -> tuple[Mapping[str, Any] | None, bool]:
         """What it answers; or that it took the question twice without an answer, as only a hung process does."""
         waited = []
         for _ in range(2):

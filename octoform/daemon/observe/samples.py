@@ -23,7 +23,7 @@ from octoform.state.layout import Layout
 
 NAME = "octoform watch"
 CALL_SECONDS = 10.0
-MOST_CALLS, MOST_VALUES, MOST_DEPTH, TEXT_CHARS = 60, 400, 8, 200
+MAX_CALLS, MAX_VALUES, MAX_DEPTH, TEXT_CHARS = 60, 400, 8, 200
 DEVICE = "device"
 """The parameter that states which of a tool's devices is meant."""
 SKIPPED = ("skipped", "error")
@@ -72,8 +72,8 @@ class Sensors:
     def __call__(self) -> tuple[Reading, ...]:
         """One call of each tool that can be called so; none where nothing runs, since then nothing can be reported."""
         probes = self.probes()
-        made, left = probes[:MOST_CALLS], probes[MOST_CALLS:]
-        untold = tuple(self._nothing(each, f"only {MOST_CALLS} readings are taken at a time") for each in left)
+        made, left = probes[:MAX_CALLS], probes[MAX_CALLS:]
+        untold = tuple(self._nothing(each, f"only {MAX_CALLS} readings are taken at a time") for each in left)
         connection = knock(self._layout) if made else None
         if connection is None or isinstance(connection, Diagnostic):
             return (*(self._nothing(probe, "the endpoint takes no client") for probe in made), *untold)
@@ -158,7 +158,7 @@ def flattened(value: object) -> Iterator[tuple[str, Value, str]]:
     (``/joints/elbow/heat``). A null beside a ``skipped`` or an ``error`` has that as its reason. Bounded.
     """
     for count, found in enumerate(_leaves(value, "", "", 0)):
-        if count >= MOST_VALUES:
+        if count >= MAX_VALUES:
             return
         yield found
 
@@ -168,11 +168,11 @@ def _leaves(value: object, path: str, why: str, depth: int) -> Iterator[tuple[st
         yield path, value, why if value is None else ""
     elif isinstance(value, str):
         yield path, _text(value), ""
-    elif depth < MOST_DEPTH and isinstance(value, Mapping):
+    elif depth < MAX_DEPTH and isinstance(value, Mapping):
         why = next((_text(str(value[name])) for name in SKIPPED if value.get(name)), why)
         for name, member in value.items():
             yield from _leaves(member, f"{path}/{_part(name)}", why, depth + 1)
-    elif depth < MOST_DEPTH and isinstance(value, Sequence):
+    elif depth < MAX_DEPTH and isinstance(value, Sequence):
         for name, member in zip(_names(value), value, strict=True):
             yield from _leaves(member, f"{path}/{_part(name)}", why, depth + 1)
 

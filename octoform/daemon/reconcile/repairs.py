@@ -43,7 +43,7 @@ from octoform.daemon.triage.agent_report import findings_of, summary_of
 # device that somebody unplugs meanwhile, and a process that ends once, prove nothing against a rewritten function:
 # they are waited for.
 
-MOST_ENDS = 2
+MAX_ENDS = 2
 """Ends of the endpoint's process during a probation at which the repair is taken for their cause."""
 _AFTER = 0.001
 """Seconds: readings of the very moment in which the repair ended are its own."""
@@ -90,7 +90,7 @@ def _worse(tried: Tried, facts: Facts, now: HealthSnapshot) -> str | None:
     if process is not None and process != tried.process:
         tried.ends += tried.process is not None
         tried.process, tried.since = process, max(tried.since, facts.uptime + _AFTER)
-    if tried.ends >= MOST_ENDS:
+    if tried.ends >= MAX_ENDS:
         return f"the endpoint's process ended {tried.ends} times"
     if not _settled(tried, facts):
         return None
@@ -335,7 +335,7 @@ class Trying:
         if repair in AGENTS:
             self.untouched.begin()
         if repair is Repair.HEAL:
-            self._stands[finding.key] = self._stand(facts)
+            self._stands[finding.key] = self._health(facts)
         data = self._brief(finding, acting, repair, facts, causes)
         if isinstance(brief := data.get("brief"), dict):
             data["brief"] = {**brief, **left}
@@ -428,7 +428,7 @@ class Trying:
         waiting = (Outcome.FROZEN, Outcome.SURFACED)
         return {each.target for each in self.memory.episodes.open.values() if each.outcome in waiting}
 
-    def _stand(self, facts: Facts) -> HealthSnapshot:
+    def _health(self, facts: Facts) -> HealthSnapshot:
         failing = {name: each.times for name, each in self.memory.recall.failing.items()}
         return snapshot(facts, self.evidence.ledger.latest(), failing=failing)
 
@@ -448,7 +448,7 @@ class Trying:
         if not self.probation.tried:
             return
         latest = self.evidence.ledger.latest()
-        for finding, why in self.probation.judge(facts, self._stand(facts), self.ports.promised, latest):
+        for finding, why in self.probation.judge(facts, self._health(facts), self.ports.promised, latest):
             self._take_back(finding, why, facts)
 
     def _take_back(self, acting: Finding, why: str, facts: Facts) -> None:

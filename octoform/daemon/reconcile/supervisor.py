@@ -45,7 +45,7 @@ READ = QUIET | {Cause.LOG}
 """
 BACK = PROCESS | {Kind.DEVICE_GONE, Kind.DEVICE_BACK}
 """Problems at whose end something reports again that was silent: read once, or health would stay unknown for long."""
-MOST_PASSES = 12
+MAX_PASSES = 12
 LEAST_WAIT = 0.05
 
 
@@ -134,7 +134,7 @@ class Supervisor:
         begun: list[Task] = []
         sampled = False
         facts, findings = self._looked(causes)
-        for _ in range(MOST_PASSES):
+        for _ in range(MAX_PASSES):
             before = {id(task) for task in self._bench.under_way()}
             self._waits = self._trying.begin(findings, facts, causes, paused is not None)
             if not sampled and (causes & SAMPLING or self._unread(facts)):

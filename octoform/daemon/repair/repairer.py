@@ -59,9 +59,9 @@ class Repairs:
         work = _FREE if _frees(finding, repair) else _WORK.get(repair)
         if work is None:
             return Done(False, f"{repair} is no repair that can be carried out by itself", again=False)
-        return done(self._run(work.job, {"host": self._host, **self._told(finding, repair)}, work.seconds))
+        return done(self._run(work.job, {"host": self._host, **self._brief(finding, repair)}, work.seconds))
 
-    def _told(self, finding: Finding, repair: Repair) -> dict[str, Any]:
+    def _brief(self, finding: Finding, repair: Repair) -> dict[str, Any]:
         name = finding.target.partition(":")[2]
         if repair is Repair.RESTART:
             return {"hung": finding.kind is Kind.PROCESS_HUNG}

@@ -28,9 +28,9 @@ FORMAT = 1
 RECORD = "starts.json"
 SHORT_SECONDS = 10.0
 """A process that ended within so long of its start did not serve."""
-MOST_SHORT = 5
+MAX_SHORT = 5
 """Starts in a row that did not last, behind which it is a loop."""
-FIRST_PAUSE, LONGEST_PAUSE = 0.5, 8.0
+FIRST_PAUSE, MAX_PAUSE = 0.5, 8.0
 """Seconds before the second start in a row, and before any: twice as long each time."""
 SETTLE_SECONDS = 0.3
 """How long a process has to stay to count as started: what fails on its first breath is gone by then."""
@@ -73,7 +73,7 @@ class World:
 def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -> Done:
     """Start the endpoint unless a person stopped it; with ``hung`` a process that is still not well is ended first.
 
-    Blocks for as long as the start takes and a pause of up to ``LONGEST_PAUSE`` seconds before it.
+    Blocks for as long as the start takes and a pause of up to ``MAX_PAUSE`` seconds before it.
     """
     world = world or World()
     if is_marked(layout):
@@ -85,11 +85,11 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
         return Done(True, f"it answers again by itself (process {there.pid})")
     starts = _ended(_of_this_boot(read(layout), world), world.uptime())
     short = len(list(takewhile(lambda one: one.short, reversed(starts))))
-    if short >= MOST_SHORT:
+    if short >= MAX_SHORT:
         _write(layout, [])
         return Done(False, f"it crashes in a loop: {_describe(starts[-short:])}", again=False)
     if short:
-        world.sleep(min(LONGEST_PAUSE, FIRST_PAUSE * 2 ** (short - 1)))
+        world.sleep(min(MAX_PAUSE, FIRST_PAUSE * 2 ** (short - 1)))
     if there is not None:
         world.stop(layout)
     return _started(layout, world, starts)

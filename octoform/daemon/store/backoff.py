@@ -19,7 +19,7 @@ FILE = "breakers.json"
 FIRST_SECONDS = 5.0
 """Between the first try and the second."""
 FACTOR = 4.0
-LONGEST_SECONDS = 3600.0
+MAX_SECONDS = 3600.0
 HOLD_SECONDS = 30.0
 """How long a problem must stay away before its tries are forgiven; what returns sooner continues the count."""
 FLAPS = 20
@@ -118,7 +118,7 @@ class Backoffs:
         item = self.of(key, target)
         self._tries = {name: times for name, times in self._tries.items() if now - times[-1] < HOUR_SECONDS}
         self._tries[_kin(key, quick=quick)] = (*self.in_hour(key, now, quick=quick), now)
-        pause = min(LONGEST_SECONDS, FIRST_SECONDS * FACTOR**item.tries)
+        pause = min(MAX_SECONDS, FIRST_SECONDS * FACTOR**item.tries)
         item = replace(item, target=target, tries=item.tries + 1, next=now + pause, gone=None)
         self._put(item)
         return item

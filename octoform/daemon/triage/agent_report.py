@@ -10,7 +10,7 @@ from typing import Any
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
 
-MOST = 20
+MAX_FINDINGS = 20
 TEXT_CHARS, SUMMARY_CHARS = 300, 600
 _KINDS = {
     FaultClass.DEPENDENCY: Kind.PACKAGE_DAMAGED,
@@ -52,7 +52,7 @@ def summary_of(report: Mapping[str, Any] | None) -> str | None:
 
 def _errors(report: Mapping[str, Any]) -> Iterator[Mapping[str, Any]]:
     errors = report.get("errors")
-    for each in (errors if isinstance(errors, list) else [])[:MOST]:
+    for each in (errors if isinstance(errors, list) else [])[:MAX_FINDINGS]:
         if isinstance(each, Mapping):
             yield each
 

@@ -13,8 +13,8 @@ from octoform.daemon.model import Facts
 from octoform.endpoint.logs import LoggedCall
 from octoform.records import dataclass
 
-MOST_TOOLS = 200
-MOST_ENDS = 20
+MAX_TOOLS = 200
+MAX_ENDS = 20
 CRASH_WINDOW = 300.0
 """Seconds of uptime in which ends of the endpoint's process are counted together."""
 SHORT_LIFE = 10.0
@@ -116,7 +116,7 @@ def _lives(recall: Recall, facts: Facts) -> tuple[tuple[float, ...], str | None,
     if recall.instance == "":
         return ends, now, 0.0
     if recall.instance is not None and facts.uptime - recall.seen < SHORT_LIFE:
-        ends = (*ends, facts.uptime)[-MOST_ENDS:]
+        ends = (*ends, facts.uptime)[-MAX_ENDS:]
     return ends, now, facts.uptime
 
 
@@ -131,7 +131,7 @@ def _failing(recall: Recall, facts: Facts) -> dict[str, Failing]:
             failing[call.tool] = _once_more(failing.get(call.tool), call, facts.stamp)
     # A tool that an apply removed is not missed, and no call could ever show that it works again.
     there = {name: each for name, each in failing.items() if not facts.offered or name in facts.offered}
-    return dict(list(there.items())[-MOST_TOOLS:])
+    return dict(list(there.items())[-MAX_TOOLS:])
 
 
 def _found(facts: Facts) -> bool:

@@ -109,7 +109,7 @@ def _last_message(facts: Facts) -> str:
 # this is the one place where they are sorted, and what is in no known sentence counts as a damage of the published
 # files.
 
-MOST = 50
+MAX_FILES = 50
 FOREIGN = "foreign"
 """The reason in `Facts.damaged` for a file beside the accepted ones that is none of them."""
 SINGLE = 3
@@ -131,7 +131,7 @@ def damaged(facts: Facts) -> Iterator[Finding]:
     """Files that are not as they were accepted or published, each with what puts it right."""
     ours = {path: how for path, how in facts.damaged.items() if how != FOREIGN}
     folders = Counter(map(_folder, ours))
-    for path, how in sorted(ours.items())[:MOST]:
+    for path, how in sorted(ours.items())[:MAX_FILES]:
         if folders[_folder(path)] <= SINGLE:
             yield _file(facts.host, path, how)
     for folder, count in sorted(folders.items()):
@@ -157,7 +157,7 @@ def damaged(facts: Facts) -> Iterator[Finding]:
 def environment(facts: Facts, recall: Recall) -> Iterator[Finding]:
     """Packages that are gone, changed or in each other's way, by their names or by a failed import."""
     for reason in sorted({*facts.environment, *(each for each in facts.endpoint if "serving environment" in each)})[
-        :MOST
+        :MAX_FILES
     ]:
         yield _package(reason)
     if not facts.environment:

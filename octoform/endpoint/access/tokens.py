@@ -32,7 +32,7 @@ EFFECTS = ("read", "actuate", "irreversible")
 PREFIX = "octoform_"
 """Begins every value, so that the finder of one knows what it opens."""
 _LOCK = "tokens.lock"
-MOST_VALUE_BYTES = 4096
+MAX_VALUE_BYTES = 4096
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +127,7 @@ def value_of(layout: Layout, name: str) -> tuple[str | None, list[Diagnostic]]:
         return None, found or [_unknown(name, tokens)]
     reason = "this is not the value that was made for it"
     try:
-        value = files.read(path_of(layout, name), MOST_VALUE_BYTES, follow=False).strip()
+        value = files.read(path_of(layout, name), MAX_VALUE_BYTES, follow=False).strip()
     except (OSError, ValueError) as problem:
         value, reason = b"", _reason(problem)
     if any(token.name == name and token.sha256 == hashlib.sha256(value).hexdigest() for token in tokens):
@@ -143,7 +143,7 @@ def kept_values(layout: Layout) -> dict[str, str]:
     folder = layout.run / VALUES
     for path in sorted(folder.glob("*")) if folder.is_dir() else ():
         with contextlib.suppress(OSError, ValueError):
-            found[path.name] = files.read(path, MOST_VALUE_BYTES, follow=False).decode().strip()
+            found[path.name] = files.read(path, MAX_VALUE_BYTES, follow=False).decode().strip()
     return {name: value for name, value in found.items() if value}
 
 

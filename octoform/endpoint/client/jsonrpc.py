@@ -20,7 +20,7 @@ from octoform.diagnostics import Diagnostic, error
 from octoform.state.files import write_atomic
 
 VERSION = "2026-07-28"
-MOST_BYTES = 128_000_000
+MAX_BYTES = 128_000_000
 """Of one message: a result may hold pictures, and what is longer is no result."""
 _PREFIX = "io.modelcontextprotocol"
 _CHUNK = 1 << 16
@@ -116,8 +116,8 @@ class Wire:
         searched = 0
         while (found := self._rest.find(b"\n", searched)) < 0:
             searched = len(self._rest)
-            if searched > MOST_BYTES:
-                raise WireError("closed", f"the endpoint sent a message of more than {MOST_BYTES} bytes")
+            if searched > MAX_BYTES:
+                raise WireError("closed", f"the endpoint sent a message of more than {MAX_BYTES} bytes")
             part = self._receive(end)
             if not part:
                 return None

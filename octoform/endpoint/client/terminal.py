@@ -82,7 +82,7 @@ REFUSED = "octoform/refused"
 """In the _meta of an error: why the endpoint itself did not make the call."""
 BEFOREHAND = "octoform -auto-approve"
 """How this client calls itself when no one will read what it is asked."""
-MOST_QUESTIONS = 10
+MAX_QUESTIONS = 10
 
 
 @dataclass(frozen=True, slots=True)
@@ -288,7 +288,7 @@ class _Call:
         if self._wanted.approved:
             meta |= sender(BEFOREHAND)
         more: dict[str, Any] = {}
-        for _ in range(MOST_QUESTIONS):
+        for _ in range(MAX_QUESTIONS):
             seconds, progress = self._wanted.seconds, self._person.progress
             result = self._wire.ask("tools/call", params | more, seconds, progress=progress, meta=meta)
             if result.get("resultType") != "input_required":
@@ -297,7 +297,7 @@ class _Call:
             more = {"inputResponses": {key: self._response(asked, arguments) for key, asked in questions.items()}}
             if "requestState" in result:
                 more["requestState"] = result["requestState"]
-        raise WireError("refused", f"it asked more than {MOST_QUESTIONS} times")
+        raise WireError("refused", f"it asked more than {MAX_QUESTIONS} times")
 
     def _response(self, request: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
         """The person's answer to a question that can be answered with yes or no."""

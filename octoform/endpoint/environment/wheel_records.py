@@ -19,7 +19,7 @@ from octoform.base.files import head, stream
 _RECORD = "RECORD"
 _DIST_INFO = ".dist-info"
 _PREFIX = "sha256="
-MOST_BYTES = 8_000_000
+MAX_BYTES = 8_000_000
 """Of one RECORD; a real one has some hundred kilobytes at most."""
 
 
@@ -61,7 +61,7 @@ def requirements(folder: Path) -> dict[str, frozenset[str]]:
     found = {}
     for metadata in folder.glob(f"*{_DIST_INFO}/METADATA"):
         try:
-            text = head(metadata, MOST_BYTES, follow=True).decode("utf-8", "replace").partition("\n\n")[0]
+            text = head(metadata, MAX_BYTES, follow=True).decode("utf-8", "replace").partition("\n\n")[0]
         except OSError:  # that the environment is damaged shows elsewhere
             continue
         wanted = re.findall(r"(?m)^Requires-Dist:\s*([A-Za-z0-9][A-Za-z0-9._-]*)", text)
@@ -89,7 +89,7 @@ def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:
 
 def _rows(record: Path) -> list[tuple[str, str]]:
     try:
-        text = head(record, MOST_BYTES, follow=True).decode("utf-8", "replace")
+        text = head(record, MAX_BYTES, follow=True).decode("utf-8", "replace")
         return [(row[0], row[1]) for row in csv.reader(io.StringIO(text)) if len(row) > 1]
     except (OSError, csv.Error):  # a distribution without a list is not checked; damage to it shows elsewhere
         return []

@@ -19,7 +19,7 @@ from octoform.records import dataclass
 # So this module finds where each value stands, and `json_edit` changes the text at that place alone. It reads more
 # than any one client does; whether a file is right for its client is not decided here.
 
-DEEPEST = 200
+MAX_DEPTH = 200
 COMMENT = re.compile(r"//[^\n\r\u2028\u2029]*|/\*.*?\*/", re.DOTALL)
 _BLANK = re.compile(r"[\s\ufeff]+")
 _STRING = re.compile(r'"(?:[^"\\\n\r]++|\\(?:\r\n|.))*+"' + r"|'(?:[^'\\\n\r]++|\\(?:\r\n|.))*+'", re.DOTALL)
@@ -102,8 +102,8 @@ class _Reader:
 
     def value(self, position: int, depth: int) -> Node:
         sign = self.text[position : position + 1]
-        if depth > DEEPEST:
-            raise _Broken(f"values are nested more than {DEEPEST} deep", position)
+        if depth > MAX_DEPTH:
+            raise _Broken(f"values are nested more than {MAX_DEPTH} deep", position)
         if sign == "{":
             return self._object(position, depth)
         if sign == "[":

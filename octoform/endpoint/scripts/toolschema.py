@@ -8,7 +8,7 @@ import json
 from collections.abc import Mapping
 from typing import Any
 
-LONGEST = 1000
+MAX_LENGTH = 1000
 
 
 def as_tool(wire: Mapping[str, Any]) -> dict[str, Any]:
@@ -25,7 +25,7 @@ def as_tool(wire: Mapping[str, Any]) -> dict[str, Any]:
 def result_text(wire: Mapping[str, Any]) -> str:
     """The texts of a result, bounded."""
     content = wire.get("content", [])
-    return "\n".join(item.get("text", "") for item in content if item.get("type") == "text")[:LONGEST]
+    return "\n".join(item.get("text", "") for item in content if item.get("type") == "text")[:MAX_LENGTH]
 
 
 def converted(texts: Mapping[str, str], schema: Mapping[str, Any]) -> dict[str, Any]:

@@ -16,7 +16,7 @@ from octoform.state.layout import Layout
 
 FORMAT = 1
 ASKS = "asks.json"
-MOST = 100
+MAX_LINES = 100
 """Entries of hardware that are kept; a hub full of devices has fewer."""
 
 
@@ -44,7 +44,7 @@ def ask(layout: Layout, question: Question) -> tuple[bool, Diagnostic | None]:
     document = {
         "format": FORMAT,
         **asdict(question),
-        "hardware": question.hardware[:MOST],
+        "hardware": question.hardware[:MAX_LINES],
         "at": stamp(),
         "question": question.text,
     }
@@ -69,4 +69,4 @@ def withdraw(layout: Layout) -> None:
 
 
 def _mark(question: Question) -> str:
-    return of_value({"hardware": question.hardware[:MOST], "why": question.why})
+    return of_value({"hardware": question.hardware[:MAX_LINES], "why": question.why})

@@ -195,7 +195,7 @@ class _Log:
             how = os.O_WRONLY | os.O_APPEND | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC | os.O_NOFOLLOW
             self._descriptor = os.open(path, how, 0o600)
         except OSError as problem:
-            self._tell(problem)
+            self._report_refusal(problem)
 
     def write(self, line: bytes) -> None:
         if self._descriptor is None:
@@ -205,9 +205,9 @@ class _Log:
             self._torn = False
         except OSError as problem:
             self._torn = True  # some of it may be there; the next line must not be glued to it
-            self._tell(problem)
+            self._report_refusal(problem)
 
-    def _tell(self, problem: OSError) -> None:
+    def _report_refusal(self, problem: OSError) -> None:
         if not self._told:
             self._told = True
             self._show(Notice("", f"the execution log is incomplete: {problem.strerror}"))

@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.apply.stage.attempt_record import state_usage
 from octoform.apply.stage.spec_copy import FILE_NAME as SPEC_COPY
-from octoform.apply.stage.spec_copy import MOST_SPEC_BYTES, unified
+from octoform.apply.stage.spec_copy import MAX_SPEC_BYTES, unified
 from octoform.base.clock import stamp
 from octoform.base.files import read_plain
 from octoform.base.processes import is_alive
@@ -36,7 +36,7 @@ ACCEPTED = "accepted"
 REFUSED = "refused"
 REUSE = "reuse"
 """The role of an attempt without an agent: another host's output was tried."""
-MOST_TASK_BYTES = 1 << 20
+MAX_TASK_BYTES = 1 << 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -168,7 +168,7 @@ def _attempt(folder: Path, *, live: bool) -> Attempt:
 def _so_far(folder: Path, state: str) -> AttemptRecord:
     """The attempt's facts by its files, without a record; an agent may have written them, so all of it is foreign."""
     number, stage, attempt = _parts(folder.name)
-    task = json_object(read_plain(folder / "task.json", MOST_TASK_BYTES) or b"")
+    task = json_object(read_plain(folder / "task.json", MAX_TASK_BYTES) or b"")
     role, harness, model = (_word(field(task, name)) for name in ("role", "harness", "model"))
     moments = transcript.read(folder / "transcript.jsonl")
     turns, used = transcript.used(moments)
@@ -261,7 +261,7 @@ def _today(project: Path, stage: str) -> str:
         specs, _ = load_specs(project / "protocol")
         return specs[stage].text if stage in specs else ""
     path = step_paths(project / "protocol").get(stage.removeprefix(STEP))
-    data = read_plain(path, MOST_SPEC_BYTES) if path is not None else None
+    data = read_plain(path, MAX_SPEC_BYTES) if path is not None else None
     return data.decode("utf-8", "replace") if data is not None else ""
 
 
@@ -275,7 +275,7 @@ def _given(before: Sequence[Attempt]) -> str | None:
 
 
 def _text(folder: Path) -> str | None:
-    data = read_plain(folder / SPEC_COPY, MOST_SPEC_BYTES)
+    data = read_plain(folder / SPEC_COPY, MAX_SPEC_BYTES)
     return data.decode("utf-8", "replace") if data is not None else None
 
 

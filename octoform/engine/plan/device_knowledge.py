@@ -42,7 +42,7 @@ def questions(artifacts: Artifacts, answers: Mapping[str, str]) -> tuple[OpenQue
     """One for each device that is unidentified and has no answer."""
     return tuple(
         OpenQuestion(device["id"], device["identified_as"], device["missing"], asked)
-        for device in _annotated(artifacts)
+        for device in _identified(artifacts)
         if device["id"] not in answers and device.get("missing") and (asked := wanted(device)) is not None
     )
 
@@ -59,7 +59,7 @@ def devices(artifacts: Artifacts, profiles: tuple[Profile, ...], prior: Mapping[
             answer=answers.get(device["id"]),
             profile=device.get("profile"),
         )
-        for device in _annotated(artifacts)
+        for device in _identified(artifacts)
         if wanted(device) is None
     )
 
@@ -195,6 +195,6 @@ def _stray(known: list[str], answers: Mapping[str, str]) -> Iterator[Diagnostic]
             yield warning(STRAY, summary, hint=f"{hint}`octoform answer -remove {device}` takes it back")
 
 
-def _annotated(artifacts: Artifacts) -> list[dict[str, Any]]:
+def _identified(artifacts: Artifacts) -> list[dict[str, Any]]:
     identify = artifacts.get("identify")
     return identify["devices"] if identify is not None else []

@@ -48,7 +48,7 @@ def facts_of(
     )
 
 
-MOST_NAMED = 40  # a device has a line for each of its parts; the view makes one of them
+MAX_NAMED = 40  # a device has a line for each of its parts; the view makes one of them
 
 
 @dataclass(frozen=True, slots=True)
@@ -179,6 +179,6 @@ def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:
 
 
 def _named(word: str, entries: tuple[str, ...]) -> tuple[str, ...]:
-    shown = [f"{word} {entry}" for entry in entries[:MOST_NAMED]]
+    shown = [f"{word} {entry}" for entry in entries[:MAX_NAMED]]
     more = len(entries) - len(shown)
     return (*shown, f"{more} more {word}") if more > 0 else tuple(shown)

@@ -74,7 +74,7 @@ def restore_artifacts(layout: Layout) -> Restored:
     done = Restored()
     store, found = StateStore.open(layout)
     if store is None or has_errors(found):
-        done.lost.append(f"the state cannot be read: {_file_words(found)}; octoform state explains how to recover it")
+        done.lost.append(f"the state cannot be read: {_file_problem(found)}; octoform state explains how to recover it")
         return done
     facts = observe(layout)
     for node, wanted in _accepted(layout, store.snapshot, done).items():
@@ -198,7 +198,7 @@ def _mode(layout: Layout, path: Path) -> int:
     return 0o600 if path.is_relative_to(layout.local) else 0o644
 
 
-def _file_words(found: list[Diagnostic]) -> str:
+def _file_problem(found: list[Diagnostic]) -> str:
     return found[0].summary if found else "it is not there"
 
 

@@ -35,7 +35,7 @@ from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
 from octoform.harness.containment.orphans import sweep
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterDefinition
 from octoform.state.accepted import observe
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
@@ -161,7 +161,7 @@ def bounds(project: Path, environ: Mapping[str, str]) -> list[dict[str, Any]]:
     if compiled is None:
         return []
     grammars = [(profile.name, profile.grammar) for profile in compiled.profiles]
-    registers = [(name, one.registers) for name, one in grammars if isinstance(one, RegisterGrammar)]
+    registers = [(name, one.registers) for name, one in grammars if isinstance(one, RegisterDefinition)]
     return bound_documents(compiled.layout, [(name, one.protect) for name, one in registers if one.protect is not None])
 
 

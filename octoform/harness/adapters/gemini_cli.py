@@ -161,7 +161,7 @@ class GeminiCliDialect:
         if status is not None:
             self._failed = problem("", int(status[1])).reason
         if found is not None:
-            yield self._trouble(line.decode("utf-8", "replace"), found.group(1))
+            yield self._problem(line.decode("utf-8", "replace"), found.group(1))
         elif line.startswith(NO_KEY):
             yield ModelProblem(ExitReason.AUTH, one_line(line.decode("utf-8", "replace")), final=True)
 
@@ -180,11 +180,11 @@ class GeminiCliDialect:
                 yield ModelProblem(ExitReason.TURN_LIMIT, one_line(message), final=True)
             else:
                 code = CODE.search(message)
-                yield self._trouble(message, code.group(1) if code else None, final=True)
+                yield self._problem(message, code.group(1) if code else None, final=True)
         else:
             yield Closed(ok=False, text=self._words)
 
-    def _trouble(self, text: str, status: bytes | str | None, *, final: bool = False) -> ModelProblem:
+    def _problem(self, text: str, status: bytes | str | None, *, final: bool = False) -> ModelProblem:
         """What states nothing by itself is what the attempt before it failed with."""
         found = problem(text, int(status) if status else None, final=final)
         if found.reason is ExitReason.CRASHED and self._failed is not None:

@@ -38,7 +38,7 @@ MODULE = "octoform.harness.react"
 FILE_NAME = "litellm.json"
 MISSING = "the Python package litellm is not installed; `octoform install litellm` puts it beside octoform"
 SHELL_SECONDS = 60
-LONGEST_SILENCE = 600.0
+MAX_SILENCE = 600.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +83,7 @@ class LiteLLMHarness:
         if isinstance(way, Diagnostic):
             return way
         limits = task.limits
-        silence = min(limits.wall_seconds, limits.idle_seconds or LONGEST_SILENCE)
+        silence = min(limits.wall_seconds, limits.idle_seconds or MAX_SILENCE)
         longest = max(1, int(silence * 0.8))
         return Config(
             route=way,

@@ -17,7 +17,7 @@ from octoform.records import dataclass
 
 RETRIES = 2
 BACKOFF_SECONDS = 1.5
-LONGEST_BACKOFF_SECONDS = 20.0
+MAX_BACKOFF_SECONDS = 20.0
 ALIVE_SECONDS = 5.0
 BAD_REQUEST = 400
 SEARCH = "web_search_options"
@@ -240,7 +240,7 @@ class Patient:
             if last:
                 return answer
             wait = self.backoff_seconds * 3**tried
-            self.sleep(min(max(wait, answer.wait_seconds or 0.0), LONGEST_BACKOFF_SECONDS))
+            self.sleep(min(max(wait, answer.wait_seconds or 0.0), MAX_BACKOFF_SECONDS))
             tried += 1
 
 

@@ -171,12 +171,12 @@ BEGINNING = "WHAT FAILED"
 """How an answer begins: one that does not is a refusal, or about something else."""
 HEAD_BYTES = 16 << 10
 TAIL_BYTES = 48 << 10
-MOST_LINES = 100
+MAX_LINES = 100
 
 
 def condense(log: Path, bound_bytes: int, completion: Completion | None) -> Excerpt:
     """The log of a failed attempt in at most ``bound_bytes`` bytes; never raises for what is in it."""
-    end = tail(log, MOST_LINES, bound_bytes)
+    end = tail(log, MAX_LINES, bound_bytes)
     size = _size(log)
     if completion is None or size is None or size <= bound_bytes:
         return Excerpt(end)

@@ -33,37 +33,37 @@ class Reporter:
 
     def reply(self, text: str, usage: Mapping[str, int]) -> None:
         """The model has replied."""
-        self._tell("reply", text=text[:SHOWN], usage=dict(usage))
+        self._emit("reply", text=text[:SHOWN], usage=dict(usage))
 
     def call(self, tool: str, text: str) -> None:
         """A tool is used; ``text`` states for what."""
-        self._tell("call", tool=tool[:SHOWN], text=text[:SHOWN])
+        self._emit("call", tool=tool[:SHOWN], text=text[:SHOWN])
 
     def result(self, text: str, failed: bool) -> None:
         """A tool has ended."""
-        self._tell("result", failed=failed, text=text[-SHOWN:])
+        self._emit("result", failed=failed, text=text[-SHOWN:])
 
     def alive(self, pieces: int) -> None:
         """A long reply is still coming in."""
-        self._tell("alive", pieces=pieces)
+        self._emit("alive", pieces=pieces)
 
     def problem(self, refusal: Refusal, final: bool) -> None:
         """A request failed."""
-        self._tell("trouble", text=refusal.text[:SHOWN], status=refusal.status, final=final)
+        self._emit("trouble", text=refusal.text[:SHOWN], status=refusal.status, final=final)
 
     def closed(self, ok: bool, text: str = "") -> None:
         """The run is over."""
-        self._tell("closed", ok=ok, text=text[:SHOWN])
+        self._emit("closed", ok=ok, text=text[:SHOWN])
 
-    def _tell(self, kind: str, **fields: Any) -> None:
+    def _emit(self, kind: str, **fields: Any) -> None:
         # Plain ASCII: whatever a model or a tool prints, a line stays a line.
         self._stream.write(json.dumps({"type": kind, **fields}) + "\n")
         self._stream.flush()
 
 
 INSTRUCTIONS = Path(__file__).with_name("system.md")
-MOST_WRONG = 5
-MOST_CALLS = 16
+MAX_WRONG = 5
+MAX_CALLS = 16
 
 
 def instructions(config: Config) -> str:
@@ -104,7 +104,7 @@ class Loop:
             elif self._is_over(answer):
                 self.reporter.closed(True)
                 return True
-            if self._wrong >= MOST_WRONG:
+            if self._wrong >= MAX_WRONG:
                 self.reporter.closed(False, f"{self._wrong} replies or calls in a row with which nothing could be done")
                 return False
 
@@ -153,7 +153,7 @@ class Loop:
 
 def _bounded(reply: Reply) -> Reply:
     """A reply with no more calls than are made for one."""
-    if len(reply.calls) <= MOST_CALLS:
+    if len(reply.calls) <= MAX_CALLS:
         return reply
-    message = {**reply.message, "tool_calls": list(reply.message.get("tool_calls") or ())[:MOST_CALLS]}
-    return Reply(reply.text, reply.calls[:MOST_CALLS], message, reply.usage, reply.end)
+    message = {**reply.message, "tool_calls": list(reply.message.get("tool_calls") or ())[:MAX_CALLS]}
+    return Reply(reply.text, reply.calls[:MAX_CALLS], message, reply.usage, reply.end)

@@ -19,8 +19,8 @@ from pydantic_core import core_schema
 from octoform.manifest import model_url
 from octoform.manifest.schema.fields import (
     CLOSED,
-    MOST_ANSWERS,
-    MOST_STEPS,
+    MAX_ANSWERS,
+    MAX_STEPS,
     UNIQUE,
     Answer,
     Attempts,
@@ -202,14 +202,14 @@ class Document(Table):
     policy: Policy = added(Policy())
     """What the endpoint's tools may do, for every client."""
     privileged_steps: Annotated[
-        list[StepName], AfterValidator(distinct), Field(max_length=MOST_STEPS, json_schema_extra=UNIQUE)
+        list[StepName], AfterValidator(distinct), Field(max_length=MAX_STEPS, json_schema_extra=UNIQUE)
     ] = Field(default=[])
     """Steps after the stages that move hardware to prove that its tools work, such as arm; none unless named here."""
     profiles: Annotated[
         list[ProfileSource], AfterValidator(distinct), Field(max_length=100, json_schema_extra=UNIQUE)
     ] = Field(default=[])
     """Knowledge about hardware: markdown files relative to this one, or the text of such a file, beginning with ---."""
-    answers: Annotated[dict[DeviceId, Answer], Field(max_length=MOST_ANSWERS, json_schema_extra=CLOSED)] = added({})
+    answers: Annotated[dict[DeviceId, Answer], Field(max_length=MAX_ANSWERS, json_schema_extra=CLOSED)] = added({})
     """What a person answers about a device that evidence cannot settle, by the device's id."""
     perception: Perception = added(Perception())
     """Looking through a camera of the host."""

@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
 from pydantic_core import PydanticCustomError
 
-from octoform.base.durations import HINT, LONGEST_SECONDS, PATTERN, seconds
+from octoform.base.durations import HINT, MAX_SECONDS, PATTERN, seconds
 from octoform.base.escaping import is_hidden
 from octoform.manifest import model_url
 from octoform.manifest.references import NAME
@@ -54,7 +54,7 @@ def _duration(value: object) -> object:
     length = seconds(value) if isinstance(value, str) else None
     if length is None:
         raise problem("this is no duration", HINT)
-    if not 1 <= length <= LONGEST_SECONDS:
+    if not 1 <= length <= MAX_SECONDS:
         raise problem("this is out of range", "a duration is between 1s and 24h")
     return value
 
@@ -81,22 +81,20 @@ def distinct(values: list[str]) -> list[str]:
 
 
 def _device_id(value: str) -> str:
-    if re.fullmatch(DEVICE_ID, value) is None or len(value) > LONGEST_ID:
+    if re.fullmatch(DEVICE_ID, value) is None or len(value) > MAX_ID:
         raise problem("this is no id of a device", "write it as `octoform plan` does, such as usb-0000-0000-2")
     return value
 
 
 def _step_name(value: str) -> str:
-    if re.fullmatch(STEP_NAME, value) is None or len(value) > LONGEST_STEP:
+    if re.fullmatch(STEP_NAME, value) is None or len(value) > MAX_STEP:
         raise problem("this is no name of a step", "write it as its file is called, without the .md, such as arm")
     return value
 
 
 def _answer(value: str) -> str:
-    if len(value) > LONGEST_ANSWER or len(re.findall(r"\w", value)) < 2:
-        raise problem(
-            f"an answer has words, in 2 to {LONGEST_ANSWER} characters", "write in a sentence what the device is"
-        )
+    if len(value) > MAX_ANSWER or len(re.findall(r"\w", value)) < 2:
+        raise problem(f"an answer has words, in 2 to {MAX_ANSWER} characters", "write in a sentence what the device is")
     if any(is_hidden(character) and character not in "\n\t" for character in value):
         raise problem("the answer holds a character that does not show", "write it again, as plain text")
     return value
@@ -106,7 +104,7 @@ def _profile(value: str) -> str:
     """A path, or the text of a profile: that one begins with its front matter, as its file would."""
     if not value:
         raise problem("this is empty", "give the path of a markdown file")
-    longest = LONGEST_PROFILE if is_typed(value) else 400
+    longest = MAX_PROFILE if is_typed(value) else 400
     if len(value) > longest:
         raise problem(f"this has more than {longest} characters", "keep what an agent needs to know")
     return value
@@ -119,15 +117,15 @@ def is_typed(profile: str) -> bool:
 
 UNIQUE = {"uniqueItems": True}
 CLOSED = {"additionalProperties": False}
-MOST_DOLLARS = 1_000_000
-MOST_ANSWERS = 200
-LONGEST_ID = 100
+MAX_DOLLARS = 1_000_000
+MAX_ANSWERS = 200
+MAX_ID = 100
 SHORTEST_INTERVAL = 5
 """Seconds: a picture takes a few, and other clients want the camera too."""
-LONGEST_ANSWER = 1000
-LONGEST_PROFILE = 12 * 1024
-MOST_STEPS = 20
-LONGEST_STEP = 32
+MAX_ANSWER = 1000
+MAX_PROFILE = 12 * 1024
+MAX_STEPS = 20
+MAX_STEP = 32
 STEP_NAME = "[a-z][a-z0-9]*(?:-[a-z0-9]+)*"
 DEVICE_ID = "[a-z0-9]+(?:[-_.][a-z0-9]+)*"
 
@@ -148,31 +146,29 @@ ProfilePath = Annotated[str, Field(min_length=1, max_length=400)]
 DeviceId = Annotated[
     str,
     AfterValidator(_device_id),
-    Field(json_schema_extra={"pattern": f"^{DEVICE_ID}$", "maxLength": LONGEST_ID}),
+    Field(json_schema_extra={"pattern": f"^{DEVICE_ID}$", "maxLength": MAX_ID}),
 ]
 StepName = Annotated[
     str,
     AfterValidator(_step_name),
-    Field(json_schema_extra={"pattern": f"^{STEP_NAME}$", "maxLength": LONGEST_STEP}),
+    Field(json_schema_extra={"pattern": f"^{STEP_NAME}$", "maxLength": MAX_STEP}),
 ]
 Answer = Annotated[
     str,
     AfterValidator(_answer),
-    Field(json_schema_extra={"maxLength": LONGEST_ANSWER, "pattern": r"\w[\s\S]*\w"}),
+    Field(json_schema_extra={"maxLength": MAX_ANSWER, "pattern": r"\w[\s\S]*\w"}),
 ]
 ProfileSource = Annotated[
     str,
     AfterValidator(_profile),
     Field(
-        json_schema_extra={
-            "anyOf": [{"minLength": 1, "maxLength": 400}, {"pattern": "^---", "maxLength": LONGEST_PROFILE}]
-        }
+        json_schema_extra={"anyOf": [{"minLength": 1, "maxLength": 400}, {"pattern": "^---", "maxLength": MAX_PROFILE}]}
     ),
 ]
 Attempts = Annotated[int, Field(ge=1, le=20)]
 Turns = Annotated[int, Field(ge=1, le=10_000)]
-Dollars = Annotated[float, Field(gt=0, le=MOST_DOLLARS, allow_inf_nan=False)]
-Rate = Annotated[float, Field(ge=0, le=MOST_DOLLARS, allow_inf_nan=False)]
+Dollars = Annotated[float, Field(gt=0, le=MAX_DOLLARS, allow_inf_nan=False)]
+Rate = Annotated[float, Field(ge=0, le=MAX_DOLLARS, allow_inf_nan=False)]
 
 
 class Table(BaseModel):

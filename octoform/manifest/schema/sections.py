@@ -149,7 +149,7 @@ _LABEL = r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
 _NAME = rf"{_LABEL}(\.{_LABEL})*"
 HOST_PATTERN = rf"^({_NAME}|{_ADDRESS})$"
 ORIGIN_PATTERN = rf"^https?://({_NAME}|\[[0-9A-Fa-f:.]+\])(:[0-9]{{1,5}})?$"
-_LONGEST_HOST = 253
+_MAX_HOST = 253
 _PLACEHOLDER = re.compile(r"(?<![{$])\{([A-Za-z_][A-Za-z0-9_]*)\}(?!\})")
 
 
@@ -175,7 +175,7 @@ def _host(value: str) -> str:
         return value
     if ":" in value:
         raise problem("a host is written here without a port", "write the name alone, such as bench.example.org")
-    if not re.fullmatch(_NAME, value) or len(value) > _LONGEST_HOST:
+    if not re.fullmatch(_NAME, value) or len(value) > _MAX_HOST:
         raise problem("this is no host name", "write it as clients do, such as bench.example.org")
     return value
 
@@ -258,7 +258,7 @@ class Tunnel(Table):
 # How the deployment is kept alive and who hears of it, as a manifest writes it. (Heavy: pydantic.)
 
 METRICS_PATTERN = r"^[^~\x00][^\x00]*\.prom$"
-MOST_CALLS = 1000
+MAX_CALLS = 1000
 _COMMAND_HINT = "write for example [./notify-me, --problem]; it gets the problem as JSON on its standard input"
 _WEBHOOK_HINT = "write https://alerts.example.org/hook, or keep it secret in a variable: ${ALERT_URL}"
 _METRICS_HINT = "write a path that ends in .prom, such as /var/lib/node_exporter/octoform.prom"
@@ -318,7 +318,7 @@ class Daemon(Table):
     """How many repairs of one problem the daemon tries before it gives up and notifies a person."""
     apply: Literal["auto", "ask"] = "auto"
     """Whether new or vanished kinds of hardware are taken up at once, or planned and asked about."""
-    calls_per_hour: Annotated[int, Field(ge=0, le=MOST_CALLS)] = 30
+    calls_per_hour: Annotated[int, Field(ge=0, le=MAX_CALLS)] = 30
     """How often in an hour agents may be asked; 0 is never."""
     usd_per_hour: Dollars | None = None
     """US dollars that agents may cost in an hour; without it there is no limit."""

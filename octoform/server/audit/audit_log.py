@@ -23,7 +23,7 @@ from typing import Any
 from octoform.base import clock, locks
 from octoform.base.files import make_way, move, private_folder
 
-from .chain import LOG, LONGEST_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
+from .chain import LOG, MAX_LINE, ORIGIN, RECORD, SEAL, SEAL_BYTES, Verdict, rule, sealed, verify
 
 # A file that stays open for long, and is looked at before each use whether its number still means it.
 #
@@ -299,7 +299,7 @@ class Audit:
 
 def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:
     """Number and hash of the last whole record, what is behind it, and whether it states that the file is done."""
-    lines = os.pread(log, LONGEST_LINE, max(0, size - LONGEST_LINE)).split(b"\n")
+    lines = os.pread(log, MAX_LINE, max(0, size - MAX_LINE)).split(b"\n")
     fragment = lines.pop()
     for line in reversed(lines):
         if found := RECORD.fullmatch(line + b"\n"):

@@ -21,7 +21,7 @@ from pathlib import Path
 LOG, SEAL = "audit.jsonl", "audit.head"
 ORIGIN = "0" * 64
 SEAL_BYTES = 128
-LONGEST_LINE = 64_000
+MAX_LINE = 64_000
 RECORD = re.compile(
     rb'(?P<body>\{"seq":(?P<seq>\d{1,15}),"time":"[^"]*","event":"(?P<event>[^"]*)".*)'
     rb',"prev":"(?P<prev>[0-9a-f]{64})","hash":"(?P<hash>[0-9a-f]{64})"\}\n'
@@ -79,7 +79,7 @@ class _Check:
         for name in names:
             self._file, self._line = name, 0
             with open(self._folder / name, "rb", opener=_at_once) as log:
-                while line := log.readline(LONGEST_LINE):
+                while line := log.readline(MAX_LINE):
                     self._line += 1
                     self._one(line)
         self._end(bool(names))

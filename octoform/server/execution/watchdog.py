@@ -246,7 +246,7 @@ class Watchdog:
     def _look(self, loop: asyncio.AbstractEventLoop, ended: threading.Event) -> None:
         turned, silent = _asked(loop), 0
         while not ended.wait(EVERY):
-            self._tell()
+            self._report_interrupts()
             if turned.is_set():
                 turned, silent = _asked(loop), 0
                 continue
@@ -299,7 +299,7 @@ class Watchdog:
         self._done.append(fault)
         raise fault.raised
 
-    def _tell(self) -> None:
+    def _report_interrupts(self) -> None:
         """In the watching thread: what was interrupted since the last look."""
         while self._done:
             fault = self._done.popleft()

@@ -218,9 +218,9 @@ class Work:
         try:
             self._end()
         finally:
-            self._tell(value, problem)
+            self._resolve(value, problem)
 
-    def _tell(self, value: Any, problem: BaseException | None) -> None:
+    def _resolve(self, value: Any, problem: BaseException | None) -> None:
         future = self._future
         if future is None or future.done():
             return

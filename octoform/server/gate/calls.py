@@ -17,7 +17,7 @@ from fastmcp.server.dependencies import fastmcp_request_ctx
 from octoform.server.audit.audit_log import Audit, AuditFailed
 from octoform.server.execution.bus_queue import Holder
 from octoform.server.execution.work import Work
-from octoform.server.limits import Ledger, beyond_words, is_number, outside
+from octoform.server.limits import Ledger, beyond_text, is_number, outside
 from octoform.server.process import principal
 from octoform.server.process.local_socket import Client, client_of
 from octoform.server.process.principal import Principal
@@ -251,7 +251,7 @@ def held(call: Call, content: Any, records: Records, ledger: Ledger) -> str:
     if not found.outside:
         return ""
     records.write("outside", call=call.identity, tool=name, units=dict(found.outside))
-    text = "; ".join(beyond_words(name, unit, words) for unit, words in found.outside.items())
+    text = "; ".join(beyond_text(name, unit, words) for unit, words in found.outside.items())
     write_line(text)
     if not ledger.hold(name, found.outside):
         return ""

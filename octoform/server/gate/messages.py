@@ -97,7 +97,7 @@ def dry_run(call: Call) -> ToolResult:
 # name as the schema has it, what is wrong, and what the schema allows. Texts that came are not repeated: they may be
 # secret, and the sentence goes to the audit log.
 
-MOST = 5
+MAX_FAULTS = 5
 """Sentences; what else is wrong shows in the next try."""
 DEPTH = 3
 _NAMED = {"integer": "an integer", "number": "a number", "string": "a string", "boolean": "true or false"}
@@ -128,8 +128,8 @@ def describe(tool: str, problem: ValidationError, schema: Mapping[str, Any]) -> 
         if place.name not in sentences:
             sentences[place.name] = _sentence(tool, place, fault)
     every = list(sentences.values())
-    more = [f"{len(every) - MOST} more do not fit."] if len(every) > MOST else []
-    return " ".join([*every[:MOST], *more])
+    more = [f"{len(every) - MAX_FAULTS} more do not fit."] if len(every) > MAX_FAULTS else []
+    return " ".join([*every[:MAX_FAULTS], *more])
 
 
 def _sentence(tool: str, place: _Place, fault: Mapping[str, Any]) -> str:

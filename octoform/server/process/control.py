@@ -21,9 +21,9 @@ from .stderr_log import Throttle, write_line
 
 Handler = Callable[[Mapping[str, Any]], Mapping[str, Any]]
 NAME = "control.sock"
-MOST_BYTES = 65536
+MAX_BYTES = 65536
 SECONDS = 5.0
-MOST = 32
+MAX_CLIENTS = 32
 """Connections that have not asked yet, of which the oldest has to go for a new one; also answers under way, which an
 emergency stop alone may exceed, by as many again."""
 LOGGER = logging.getLogger("octoform.control")
@@ -102,7 +102,7 @@ class Control:
 
     def _admit(self, connection: socket.socket) -> None:
         with self._lock:
-            if len(self._silent) >= MOST:
+            if len(self._silent) >= MAX_CLIENTS:
                 oldest = next(iter(self._silent))
                 del self._silent[oldest]
                 _shut(oldest)
@@ -137,7 +137,7 @@ class Control:
         if handler is None:
             return {"error": f"this endpoint does not know {question.get('op')!r}"}
         with self._lock:
-            if self._answering >= (2 * MOST if op == "estop" else MOST):
+            if self._answering >= (2 * MAX_CLIENTS if op == "estop" else MAX_CLIENTS):
                 return {"error": "too many questions are being answered; ask again"}
             self._answering += 1
         try:
@@ -162,7 +162,7 @@ def _line(connection: socket.socket) -> bytes:
     data = b""
     while not data.endswith(b"\n"):
         part = connection.recv(4096)
-        if not part or len(data) > MOST_BYTES:
+        if not part or len(data) > MAX_BYTES:
             raise ValueError("no whole question came")
         data += part
     return data

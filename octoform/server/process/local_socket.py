@@ -12,7 +12,7 @@ from fastmcp.server.dependencies import FastMCPRequestContext
 
 from octoform.base.escaping import escape_of
 
-LONGEST = 100
+MAX_PATH_BYTES = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 
 PASSING = frozenset({errno.EMFILE, errno.ENFILE, errno.ENOMEM, errno.ENOBUFS, errno.ECONNABORTED, errno.EINTR})
@@ -63,7 +63,7 @@ class _Named:
         self._folder = -1
 
     def __enter__(self) -> str:
-        if len(os.fsencode(self._path)) <= LONGEST:
+        if len(os.fsencode(self._path)) <= MAX_PATH_BYTES:
             return str(self._path)
         self._folder = os.open(self._path.parent, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
         return f"/proc/self/fd/{self._folder}/{self._path.name}"

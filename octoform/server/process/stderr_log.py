@@ -38,7 +38,7 @@ class StderrHandler(logging.Handler):
 
 # Log lines that strangers can cause are few, so that no stranger fills the disk with requests. Standard library only.
 
-MOST_LINES = 60
+MAX_LINES = 60
 WINDOW_SECONDS = 60.0
 
 
@@ -62,7 +62,7 @@ class Throttle(logging.Filter):
                     record.msg = f"({held} lines like this one were omitted before it) {record.getMessage()}"
                     record.args = ()
             self._lines += 1
-            if self._lines > MOST_LINES:
+            if self._lines > MAX_LINES:
                 self._held += 1
                 return False
             return True

@@ -84,7 +84,7 @@ class Tokens:
 
 LOOK_SECONDS = 0.25
 """How often open streams and sessions are held against the tokens."""
-MOST_OPEN = 448
+MAX_OPEN = 448
 """Requests that may be open at a time, of all tokens: fewer than connections, so that the rest can be reported."""
 LEAST_OPEN = 4
 """What a token may have open however many others are."""
@@ -163,7 +163,7 @@ class Open:
 
     def _has_room(self, digest: str) -> bool:
         """Whether a token may have one request more: not more than are still free for others, alone half of all."""
-        free = MOST_OPEN - sum(map(len, self._requests.values()))
+        free = MAX_OPEN - sum(map(len, self._requests.values()))
         return len(self._requests.get(digest, ())) < max(free, LEAST_OPEN)
 
     @contextlib.contextmanager

@@ -20,7 +20,7 @@ ORDER = (HEALTHY, UNKNOWN, DEGRADED, "error", "down")
 RECORD, LOCK = "health.json", "daemon.lock"
 SECONDS = 1.0
 """How long a verdict is given again: strangers may ask as often as they like."""
-MOST_BYTES = 4_000_000
+MAX_BYTES = 4_000_000
 
 
 class Verdict:
@@ -60,7 +60,7 @@ class Verdict:
 
     def _record(self) -> dict[str, Any] | None:
         try:
-            document = read_json(self._folder / RECORD, MOST_BYTES, follow=False, any_text=True)
+            document = read_json(self._folder / RECORD, MAX_BYTES, follow=False, any_text=True)
         except (OSError, ValueError):
             return None
         return document if isinstance(document, dict) else None

@@ -51,7 +51,7 @@ HEAD_SECONDS = 10.0
 BODY_SECONDS = 60.0
 LINGER_SECONDS = 2.0
 KEEP_ALIVE_SECONDS = 15
-MOST_CONNECTIONS = 512
+MAX_CONNECTIONS = 512
 BACKLOG = 256
 
 PROTOCOL_LOGGER = logging.getLogger("octoform.connections")
@@ -80,7 +80,7 @@ class Connection(H11Protocol):
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Make room for it and start its first deadline."""
         super().connection_made(transport)
-        if len(self.connections) > MOST_CONNECTIONS:
+        if len(self.connections) > MAX_CONNECTIONS:
             self._make_room()
         self._watch()
 
@@ -107,7 +107,7 @@ class Connection(H11Protocol):
     def _make_room(self) -> None:
         others = [one for one in self.connections if isinstance(one, Connection) and one is not self and one.waits]
         victim = min(others, key=lambda one: one._born, default=self)
-        PROTOCOL_LOGGER.warning("more than %d connections: one that waited was closed", MOST_CONNECTIONS)
+        PROTOCOL_LOGGER.warning("more than %d connections: one that waited was closed", MAX_CONNECTIONS)
         victim.transport.abort()
         self.connections.discard(victim)
 
@@ -145,8 +145,8 @@ class Connection(H11Protocol):
 # An actuator must not be moved twice because the answer to the first call was lost on the way. Kept in memory, within a
 # bound for all clients together; what is dropped cannot be sent again, and the client learns that from silence.
 
-MOST_BYTES = 16_000_000
-MOST_EVENTS = 2000
+MAX_BYTES = 16_000_000
+MAX_EVENTS = 2000
 RETRY_MS = 1000
 """When a client whose stream was closed may come again."""
 
@@ -171,10 +171,10 @@ class Recent(EventStore):
         """Keep a message (None: only a place in the stream to resume from); its id."""
         self._count += 1
         identity = f"{self._start}-{self._count}"
-        size = 0 if message is None else at_least(message, MOST_BYTES)
+        size = 0 if message is None else at_least(message, MAX_BYTES)
         self._events[identity] = _Event(stream_id, message, size)
         self._bytes += size
-        while self._bytes > MOST_BYTES or len(self._events) > MOST_EVENTS:
+        while self._bytes > MAX_BYTES or len(self._events) > MAX_EVENTS:
             _, oldest = self._events.popitem(last=False)
             self._bytes -= oldest.size
         return identity
@@ -194,7 +194,7 @@ class Recent(EventStore):
 
 PATH = "/mcp"
 HEALTH = "/health"
-MOST_SESSIONS = 512
+MAX_SESSIONS = 512
 STOP_SECONDS = 2
 """What streams have for their end when the endpoint stops."""
 LOGGER = logging.getLogger("octoform.web")
@@ -304,7 +304,7 @@ class Web:
         async def lifespan(app: Starlette) -> AsyncIterator[Any]:
             async with inner(app) as state:
                 sessions = _session_manager(app)
-                sessions.max_sessions = MOST_SESSIONS
+                sessions.max_sessions = MAX_SESSIONS
                 if self._open is not None:
                     self._open.sessions = sessions
                 yield state

@@ -26,13 +26,13 @@ from octoform.base.files import parse
 from octoform.server.process.local_socket import PASSING, PAUSE, connected, peer
 from octoform.server.process.stderr_log import Throttle
 
-LONGEST_LINE = 8 * 1024 * 1024
+MAX_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
 GREETING = b"\n"
 """What comes first, before any message: a line that readers of lines pass over."""
-MOST_CLIENTS = 100
+MAX_CLIENTS = 100
 SEND_BYTES = 1 << 20
-MOST_WAITING = 64 * 1024 * 1024
+MAX_WAITING = 64 * 1024 * 1024
 """Bytes that may wait for a client when the next message comes for it."""
 READ_SECONDS = 30.0
 """How long a client may take nothing of what waits for it."""
@@ -89,7 +89,7 @@ class LocalClients:
             LOGGER.error("a client of another user was turned away")
             connection.close()
             return
-        if not _greet(connection, full=len(self._tasks) >= MOST_CLIENTS):
+        if not _greet(connection, full=len(self._tasks) >= MAX_CLIENTS):
             connection.close()
             return
         task = asyncio.create_task(self._client(connection))
@@ -140,13 +140,13 @@ async def _accepted(listener: socket.socket) -> socket.socket:
 
 def _greet(connection: socket.socket, full: bool) -> bool:
     """Inform a client that it was accepted, or that there are too many; False when it has to go."""
-    text = _error(None, -32000, f"this endpoint has {MOST_CLIENTS} clients and takes no more") if full else b""
+    text = _error(None, -32000, f"this endpoint has {MAX_CLIENTS} clients and takes no more") if full else b""
     try:
         connection.send(GREETING + text)
     except OSError:  # it is gone
         return False
     if full:
-        LOGGER.error("a local client was turned away: there are %s", MOST_CLIENTS)
+        LOGGER.error("a local client was turned away: there are %s", MAX_CLIENTS)
     return not full
 
 
@@ -165,7 +165,7 @@ class _Outbox:
         if self._transport.is_closing():
             return
         waiting = self._transport.get_write_buffer_size()
-        if waiting > MOST_WAITING:
+        if waiting > MAX_WAITING:
             self._give_up(f"{waiting} bytes wait for it")
             return
         self._transport.write(line)
@@ -214,11 +214,11 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
             except (anyio.BrokenResourceError, anyio.ClosedResourceError):
                 return
         if lines.too_long:
-            outbox.put(_error(None, -32600, f"a message may have at most {LONGEST_LINE} bytes"))
+            outbox.put(_error(None, -32600, f"a message may have at most {MAX_LINE} bytes"))
 
 
 class _Lines:
-    """The lines of a connection, none longer than LONGEST_LINE."""
+    """The lines of a connection, none longer than MAX_LINE."""
 
     def __init__(self, reader: asyncio.StreamReader) -> None:
         self._reader = reader
@@ -230,7 +230,7 @@ class _Lines:
         searched = 0
         while (end := self._rest.find(b"\n", searched)) < 0:
             searched = len(self._rest)
-            if searched > LONGEST_LINE:
+            if searched > MAX_LINE:
                 self.too_long = True
                 return None
             try:

@@ -122,7 +122,7 @@ def _link(path: Path) -> str:
 
 _LIMIT = 64 * 1024
 _GUARD_SECONDS = 5.0
-_FIRST_PAUSE, _LONGEST_PAUSE = 0.1, 2.0
+_FIRST_PAUSE, _MAX_PAUSE = 0.1, 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -230,7 +230,7 @@ def acquire(layout: Layout, operation: str, waiting: Waiting | None = None, proc
             patience.notify(outcome)
             found = True
         patience.sleep(min(pause, left))
-        pause = min(pause * 2, _LONGEST_PAUSE)
+        pause = min(pause * 2, _MAX_PAUSE)
     if isinstance(outcome, Holder):
         return Acquired(None, (_locked(layout, outcome, myself(proc), proc),))
     return outcome

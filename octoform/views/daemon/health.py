@@ -33,11 +33,11 @@ STYLES = {
     Status.DOWN: ("red", "bold"),
     Status.UNKNOWN: ("yellow",),
 }
-LONGEST = 110
+MAX_LENGTH = 110
 """Columns that a person reads in one go, however wide the terminal is."""
-MOST_CHARACTERS = 400
+MAX_CHARACTERS = 400
 """Most characters of one problem's text about one target."""
-MOST = 12
+MAX_LINES = 12
 """Problems, and silent signals, that are shown; the rest is counted."""
 
 
@@ -52,12 +52,12 @@ def health(console: Console, found: Survey, *, as_json: bool, now: datetime | No
     if found.recorded:
         console.wrapped("  ", recorded(found.recorded), indent=4)
     troubles = sorted(found.problems, key=_rank)
-    for trouble in troubles[:MOST]:
+    for trouble in troubles[:MAX_LINES]:
         console.line()
         for line in _problem_lines(console, trouble, now):
             console.line(line)
-    if len(troubles) > MOST:
-        console.line(f"\n  and {len(troubles) - MOST} more: octoform incidents")
+    if len(troubles) > MAX_LINES:
+        console.line(f"\n  and {len(troubles) - MAX_LINES} more: octoform incidents")
     for block in (_beside(console, found), _silent(console, found), _todo(console, found)):
         lines = list(block)
         if lines:
@@ -109,7 +109,7 @@ def _first(console: Console, found: Survey, now: datetime) -> None:
         return console.line(f"{found.health.host}: {word}")
     since = _since(trouble.since if trouble is not None else None, now)
     lead = f"{found.health.host}: {word}{f' {since}' if since else ''}: "
-    return console.wrapped(lead, one_line(_what(worst), MOST_CHARACTERS), indent=4)
+    return console.wrapped(lead, one_line(_what(worst), MAX_CHARACTERS), indent=4)
 
 
 def _worst(found: Survey) -> Part | None:
@@ -132,8 +132,8 @@ def _rank(problem: OpenProblem) -> tuple[int, bool, str]:
 
 def _wrapped(console: Console, head: str, text: str) -> Iterator[str]:
     """A string behind a head that is indented; foreign text, so it is bounded."""
-    width = min(LONGEST, console.width)
-    lines = wrap(one_line(text, MOST_CHARACTERS), max(30, width - len(head)), break_on_hyphens=False) or [""]
+    width = min(MAX_LENGTH, console.width)
+    lines = wrap(one_line(text, MAX_CHARACTERS), max(30, width - len(head)), break_on_hyphens=False) or [""]
     yield f"{head}{lines[0]}"
     yield from (f"{' ' * len(head)}{line}" for line in lines[1:])
 
@@ -157,7 +157,7 @@ def _problem_lines(console: Console, problem: OpenProblem, now: datetime) -> Ite
     if problem.waits:
         yield from _wrapped(console, "    now    ", problem.waits)
     if problem.do:  # a command is not broken: it is copied
-        yield f"    do     {console.paint(one_line(problem.do, MOST_CHARACTERS), 'bold')}"
+        yield f"    do     {console.paint(one_line(problem.do, MAX_CHARACTERS), 'bold')}"
 
 
 def _tried(problem: OpenProblem, now: datetime) -> str:
@@ -178,10 +178,10 @@ def _beside(console: Console, found: Survey) -> Iterator[str]:
     names = {each.target for each in found.problems}
     parts = [each for each in found.health.parts if each is not _worst(found)]
     shown = [each for each in parts if each.target not in names and not each.target.startswith("unit:")]
-    for part in shown[:MOST]:
+    for part in shown[:MAX_LINES]:
         yield from _wrapped(console, "  ", _what(part))
-    if len(shown) > MOST:
-        yield f"  and {len(shown) - MOST} more: octoform health -json"
+    if len(shown) > MAX_LINES:
+        yield f"  and {len(shown) - MAX_LINES} more: octoform health -json"
 
 
 def _silent(console: Console, found: Survey) -> Iterator[str]:
@@ -191,19 +191,19 @@ def _silent(console: Console, found: Survey) -> Iterator[str]:
         return
     why = {part.target.removeprefix("unit:"): part.why for part in found.health.parts}
     yield f"  cannot report ({len(names)}), so nothing is known of it:"
-    for name in names[:MOST]:
+    for name in names[:MAX_LINES]:
         reason = why.get(name, "").removeprefix("does not report: ")
         yield from _wrapped(console, f"    {one_line(name, 60)}  ", reason)
-    if len(names) > MOST:
-        yield f"    and {len(names) - MOST} more: octoform health -json"
+    if len(names) > MAX_LINES:
+        yield f"    and {len(names) - MAX_LINES} more: octoform health -json"
 
 
 def _todo(console: Console, found: Survey) -> Iterator[str]:
     """What waits for a person and belongs to no problem."""
-    todo = [(one_line(command, LONGEST), why) for command, why in found.todo]
+    todo = [(one_line(command, MAX_LENGTH), why) for command, why in found.todo]
     width = max((len(command) for command, _ in todo), default=0)
     for command, why in todo:
-        yield f"  {console.paint(command.ljust(width), 'bold')}  {one_line(why, LONGEST)}"
+        yield f"  {console.paint(command.ljust(width), 'bold')}  {one_line(why, MAX_LENGTH)}"
 
 
 def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:

@@ -104,7 +104,7 @@ _COLOURS = {
 }
 NARROW = 100
 """Columns of a terminal below which the date is above the records of a day, not in each of them."""
-LONGEST = 1000
+MAX_LENGTH = 1000
 """A sentence is cut after so many characters; the log itself keeps texts short."""
 _DECISIONS = {"allow": "allowed", "refuse": "refused", "ask": "asked", "dry_run": "dry run"}
 _OUTCOMES = {
@@ -147,7 +147,7 @@ def _show(console: Console, record: Record, moment: str) -> None:
     painted = console.paint(f"{one_line(word, 11):11}", *([_COLOURS[word]] if word in _COLOURS else []))
     lead = f"{record.get('seq', ''):>6}  {moment}  {painted}"
     for sentence in sentences or [""]:
-        console.wrapped(f"{lead} ", one_line(sentence, LONGEST), indent=len(moment) + 22)
+        console.wrapped(f"{lead} ", one_line(sentence, MAX_LENGTH), indent=len(moment) + 22)
         lead = " " * (len(moment) + 21)
 
 

@@ -21,7 +21,7 @@ from octoform.views.format.values import escape, one_line
 if TYPE_CHECKING:
     from octoform.engine.look import Look
 
-_LONGEST = 20_000
+_MAX_LENGTH = 20_000
 """Characters of a foreign text: enough for every description, and no flood."""
 
 
@@ -37,7 +37,7 @@ def tools(console: Console, listed: list[dict[str, Any]], *, as_json: bool) -> i
         colour = "green" if effect == "read" else "yellow"
         asks = ", a person approves each call" if tool.get("decision") == "confirm" else ""
         console.line(f"{console.paint(tool['name'], 'bold')}  {console.paint(f'{effect}{asks}', colour)}")
-        console.wrapped("    ", one_line(tool.get("description") or "", _LONGEST), indent=4)
+        console.wrapped("    ", one_line(tool.get("description") or "", _MAX_LENGTH), indent=4)
         for line in _parameters(tool["input_schema"]):
             console.wrapped("      ", line, indent=8)
     return 0
@@ -52,7 +52,7 @@ def _parameters(schema: dict[str, Any]) -> list[str]:
         span = f" {'' if low is None else low}..{'' if high is None else high}" if (low, high) != (None, None) else ""
         default = "" if "default" not in given else f", default {json.dumps(given['default'])}"
         need = "required, " if name in required else ""
-        lines.append(one_line(f"{name}: {need}{kind}{span}{default}", _LONGEST))
+        lines.append(one_line(f"{name}: {need}{kind}{span}{default}", _MAX_LENGTH))
     return lines
 
 

@@ -16,7 +16,7 @@ WIDTH = 120
 _TAB = "    "
 _CELLS = {"\t": _TAB, "\n": "\\x0a"}
 _CUT = "..."
-_LONGEST_PARAGRAPH = 4000
+_MAX_PARAGRAPH = 4000
 
 
 def render(item: Diagnostic, *, colour: bool, width: int = WIDTH) -> str:
@@ -73,7 +73,7 @@ def _flat(text: str) -> str:
 
 
 def _lines(text: str) -> list[str]:
-    bounded = text if len(text) <= _LONGEST_PARAGRAPH else text[:_LONGEST_PARAGRAPH] + _CUT
+    bounded = text if len(text) <= _MAX_PARAGRAPH else text[:_MAX_PARAGRAPH] + _CUT
     return [escape(line).replace("\t", _TAB).rstrip() for line in bounded.split("\n")]
 
 

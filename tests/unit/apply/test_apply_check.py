@@ -19,7 +19,7 @@ def asked(folder: Path) -> tuple[int, str]:
 def test_it_says_what_the_judge_finds_and_how_often_it_may_still_ask(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(attempt, "MOST", 2)
+    monkeypatch.setattr(attempt, "MAX_CHECKS", 2)
     found = ["- CODE at /devices/0: it is wrong", ""]
     with Checks(tmp_path, lambda: found.pop(0)) as checks:
         status, text = asked(tmp_path)

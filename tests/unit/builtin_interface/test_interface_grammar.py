@@ -15,9 +15,9 @@ from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
 from octoform.profiles.definition_values import Value
-from octoform.profiles.lines import Command, LineGrammar
+from octoform.profiles.lines import Command, LineDefinition
 from octoform.profiles.model import Grammar
-from octoform.profiles.registers import RegisterGrammar
+from octoform.profiles.registers import RegisterDefinition
 
 ROOT = Path(__file__).parents[3]
 SCHEMAS = ROOT / "protocol" / "schemas"
@@ -80,8 +80,8 @@ def as_described(grammar: Grammar) -> list[tuple[str, str, dict[str, tuple[Any, 
     ]
 
 
-assert isinstance(RAIL.grammar, LineGrammar)
-MIXED = LineGrammar(
+assert isinstance(RAIL.grammar, LineDefinition)
+MIXED = LineDefinition(
     replace(RAIL.grammar.line, error=None, ending="\r\n", settle=1.0),
     (
         Command("lamp_dim", 'DIM "{percent}" \\ {fade}', "dim it", "actuate",
@@ -180,7 +180,7 @@ def test_the_tools_of_units_say_what_they_take_and_answer() -> None:
 
 
 def test_a_disabled_unit_is_named_and_not_tried() -> None:
-    assert isinstance(ARM.grammar, RegisterGrammar)
+    assert isinstance(ARM.grammar, RegisterDefinition)
     off = replace(ARM.grammar.registers, disabled={"shoulder_pan": "motor is broken"}, renumbered={"wrist_flex": 9})
     interface, server = made(replace(ARM, grammar=replace(ARM.grammar, registers=off)))
     tools = {tool["name"]: tool for tool in interface["tools"]}

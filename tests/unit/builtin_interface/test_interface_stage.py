@@ -112,7 +112,7 @@ def test_over_the_budget_the_least_valuable_tools_go() -> None:
 
 
 def test_no_more_is_promised_than_a_server_may_be_long(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("octoform.builtin.interface.MOST_LINES", 60)
+    monkeypatch.setattr("octoform.builtin.interface.MAX_LINES", 60)
     artifact = declared(device("disk", "read_storage"), device("clock", "read_clock"), device("cam", "capture_image"))
     assert [tool["name"] for tool in artifact["tools"]] == ["capture_image"]
     assert {item["reason"] for item in artifact["left_out"]} == {"server_size"}

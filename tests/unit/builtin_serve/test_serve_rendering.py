@@ -16,7 +16,7 @@ from unit.builtin_serve.invented_host import DEVICES, interface
 from octoform.base.source_lines import counted
 from octoform.builtin.interface import KINDS
 from octoform.builtin.serve import stage
-from octoform.builtin.serve.stage import MOST_LINES, SECTIONS, render
+from octoform.builtin.serve.stage import MAX_LINES, SECTIONS, render
 from octoform.builtin.task import Task, TaskRefused
 
 ALL = tuple(KINDS)
@@ -26,8 +26,8 @@ ONE_OF_EACH_CLASS = tuple(names[0] for section, names in SECTIONS.items() if sec
 
 def rendered(only: tuple[str, ...] | None, monkeypatch: pytest.MonkeyPatch) -> tuple[str, dict[str, Any]]:
     """A server of these capabilities, whatever its length."""
-    monkeypatch.setattr(stage, "MOST_LINES", 5000)
-    monkeypatch.setattr("octoform.builtin.interface.MOST_LINES", 5000)
+    monkeypatch.setattr(stage, "MAX_LINES", 5000)
+    monkeypatch.setattr("octoform.builtin.interface.MAX_LINES", 5000)
     artifact = interface(only)
     return render(artifact), artifact
 
@@ -130,8 +130,8 @@ def test_formatted_and_without_a_finding(
 
 
 def test_never_longer_than_the_protocol_allows() -> None:
-    assert len(counted(render(interface()))) <= MOST_LINES
-    assert len(counted(render(interface(ONE_OF_EACH_CLASS)))) <= MOST_LINES
+    assert len(counted(render(interface()))) <= MAX_LINES
+    assert len(counted(render(interface(ONE_OF_EACH_CLASS)))) <= MAX_LINES
 
 
 def test_one_tool_of_every_class_of_an_ordinary_computer_fits() -> None:
@@ -177,7 +177,7 @@ def test_a_capability_without_a_template_is_refused() -> None:
 
 def test_a_server_that_would_be_too_long_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     artifact = interface(("read_clock",))
-    monkeypatch.setattr(stage, "MOST_LINES", 20)
+    monkeypatch.setattr(stage, "MAX_LINES", 20)
     with pytest.raises(TaskRefused, match="more than 20"):
         render(artifact)
 

@@ -15,7 +15,7 @@ from ledgers import ELBOW_TARGET, SECONDS, STILL, Bench, Clock, heat, load
 from octoform.claims import ledger as ledgers
 from octoform.claims.admission import Proposal
 from octoform.claims.model import Claim, Restriction, State
-from octoform.claims.readings import MOST_SIGNALS, OF_ONE
+from octoform.claims.readings import MAX_SIGNALS, OF_ONE
 from octoform.diagnostics import Diagnostic
 
 
@@ -250,8 +250,8 @@ def test_readings_are_bounded_but_for_those_that_carry_a_claim(bench: Bench, mon
     assert path.stat().st_size < 60_000 and bench.again().find(hot.id) == hot
     kept = bench.ledger.readings_of(load("j1"))
     assert len(kept) == OF_ONE and kept[-1].value == 60
-    bench.ledger.record([bench.ledger.make(load(f"k{number}"), 1) for number in range(MOST_SIGNALS + 5)])
-    assert len(bench.ledger.latest()) == MOST_SIGNALS
+    bench.ledger.record([bench.ledger.make(load(f"k{number}"), 1) for number in range(MAX_SIGNALS + 5)])
+    assert len(bench.ledger.latest()) == MAX_SIGNALS
 
 
 def test_an_extreme_is_not_forgotten(bench: Bench) -> None:

@@ -10,7 +10,7 @@ from cases import for_each
 
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.rules.interface.interface_rules import effect_differs
-from octoform.contracts.rules.interface.protocol_definition_rules import grammar_differs
+from octoform.contracts.rules.interface.protocol_definition_rules import definition_differs
 from octoform.contracts.rules.stop_rules import identify_stops, interface_stops
 from octoform.profiles import Profile, commands, load
 
@@ -58,7 +58,7 @@ def judged(
     before({item["name"]: item for item in known["devices"][0]["capabilities"]})
     given = Artifacts(identify=known, profiles=facts)
     interface = {"tools": list(tools.values()), "left_out": []}
-    rules = (grammar_differs, interface_stops, effect_differs)
+    rules = (definition_differs, interface_stops, effect_differs)
     return [f"{item.summary} / {item.hint}" for rule in rules for item in rule(interface, given)]
 
 

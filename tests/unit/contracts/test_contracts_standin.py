@@ -12,7 +12,7 @@ from unit.contracts.contract_samples import PROBE, SCHEMAS
 
 from octoform.contracts import Artifacts
 from octoform.contracts.contract_check import check
-from octoform.contracts.host_identity import members, pseudonymise, stand_in, with_stand_ins
+from octoform.contracts.host_identity import members, placeholder, pseudonymise, with_placeholders
 
 KEY, OTHER = b"k" * 32, b"o" * 32
 TEXT = st.text(st.sampled_from("abcdefABCDEF0123456789:- _redacted"), max_size=60)
@@ -39,10 +39,10 @@ def test_what_was_hidden_once_is_not_hidden_again_under_any_key(
 
 def test_a_stand_in_has_the_same_form() -> None:
     for secret in ("AC00451177", "02:00:5e:10:00:01", "bench-seven", "Ünit 9"):
-        found = stand_in(secret, KEY)
+        found = placeholder(secret, KEY)
         assert found != secret
         assert [classified(sign) for sign in found] == [classified(sign) for sign in secret]
-        assert stand_in(secret, KEY) == found != stand_in(secret, OTHER)
+        assert placeholder(secret, KEY) == found != placeholder(secret, OTHER)
 
 
 def classified(sign: str) -> str:
@@ -51,7 +51,9 @@ def classified(sign: str) -> str:
 
 
 def test_the_spellings_of_one_value_get_one_stand_in() -> None:
-    bare = [re.sub("[:_-]", "", stand_in(text, KEY)).casefold() for text in ("02:00:5E:10", "02-00-5e-10", "02005e10")]
+    bare = [
+        re.sub("[:_-]", "", placeholder(text, KEY)).casefold() for text in ("02:00:5E:10", "02-00-5e-10", "02005e10")
+    ]
     assert len(set(bare)) == 1
 
 
@@ -60,14 +62,14 @@ def test_every_place_of_a_refused_output_is_exchanged_once() -> None:
     probe["devices"][0]["id"] = "usb-1234-ac00451177"
     probe["devices"][0]["raw_descriptor"] = "serial AC00451177, mac 02:00:5e:10:00:01, again 0200-5e10-0001"
     probe["devices"][3]["id"] = "usb-02005e100001"
-    text = with_stand_ins(json.dumps(probe), ["bench-seven"], KEY, in_members=True)
+    text = with_placeholders(json.dumps(probe), ["bench-seven"], KEY, in_members=True)
     for secret in ("00451177", "02:00:5e:10:00:01", "02005e100001", "bench-seven"):
         assert secret not in text.casefold()
     found = json.loads(text)
     serial = found["devices"][0]["instance"]["serial"]
-    assert serial == stand_in("AC00451177", KEY)
+    assert serial == placeholder("AC00451177", KEY)
     assert found["devices"][0]["id"] == f"usb-1234-{serial.casefold()}"
-    address = stand_in("02:00:5e:10:00:01", KEY)
+    address = placeholder("02:00:5e:10:00:01", KEY)
     assert found["devices"][3]["instance"]["address"] == address
     assert f"serial {serial}, mac {address}, again" in found["devices"][0]["raw_descriptor"]
 
@@ -75,7 +77,7 @@ def test_every_place_of_a_refused_output_is_exchanged_once() -> None:
 def test_the_rule_about_serial_numbers_still_refuses_it() -> None:
     probe = copy.deepcopy(PROBE)
     probe["devices"][0]["id"] = "usb-1234-ac00451177"
-    exchanged = json.loads(with_stand_ins(json.dumps(probe), [], KEY, in_members=True))
+    exchanged = json.loads(with_placeholders(json.dumps(probe), [], KEY, in_members=True))
     before, after = (
         [(item.code, item.pointer) for item in check("probe", value, Artifacts(), SCHEMAS, "x")]
         for value in (probe, exchanged)
@@ -89,7 +91,7 @@ def test_the_rule_about_serial_numbers_still_refuses_it() -> None:
 )
 def test_what_is_no_json_is_exchanged_as_text(text: str) -> None:
     known = ["AC00451177"]
-    assert "0451177" not in with_stand_ins(text, known, KEY, in_members=True)
+    assert "0451177" not in with_placeholders(text, known, KEY, in_members=True)
 
 
 def test_members_are_found_in_broken_json() -> None:
@@ -101,4 +103,4 @@ def test_members_are_found_in_broken_json() -> None:
 
 @given(st.text(max_size=80))
 def test_text_without_secrets_stays(text: str) -> None:
-    assert with_stand_ins(text, [], KEY, in_members=False) == text or ":" in text
+    assert with_placeholders(text, [], KEY, in_members=False) == text or ":" in text

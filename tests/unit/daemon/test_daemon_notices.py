@@ -230,7 +230,7 @@ def test_nobody_waits_for_a_way_that_hangs_and_the_others_are_told(layout: Layou
 
     notifier = Notifier({"command": hangs, "webhook": hears}, Shelf(layout), at_once)
     began = time.monotonic()
-    for _ in range(notices.MOST + 10):
+    for _ in range(notices.MAX_WAITING + 10):
         notifier(ALERT)
     assert heard.wait(10)
     notifier.close(0.2)
@@ -238,7 +238,7 @@ def test_nobody_waits_for_a_way_that_hangs_and_the_others_are_told(layout: Layou
     (lost,) = failing(layout)
     gate.set()
     assert lost.way == "command"
-    assert lost.lost >= notices.MOST
+    assert lost.lost >= notices.MAX_WAITING
     assert lost.why == "the daemon ended before it was sent"
 
 

@@ -148,6 +148,6 @@ def test_an_interrupted_request_is_cancelled() -> None:
 
 
 def test_a_message_without_end_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jsonrpc, "MOST_BYTES", 100_000)
+    monkeypatch.setattr(jsonrpc, "MAX_BYTES", 100_000)
     with answered(b"x" * 300_000, ends=False) as (client, _), pytest.raises(WireError, match="more than 100000 bytes"):
         client.ask("x", {}, 5)

@@ -243,7 +243,7 @@ def test_a_process_that_nobody_could_find_any_more_ends(tmp_path: Path, monkeypa
 
     async def watched() -> None:
         async with asyncio.timeout(20):
-            waiting = asyncio.create_task(endpoint._told_to_stop(asyncio.Event(), []))
+            waiting = asyncio.create_task(endpoint._stop_requested(asyncio.Event(), []))
             await asyncio.sleep(0.05)
             assert not waiting.done()
             (layout.run / "process.json").unlink()

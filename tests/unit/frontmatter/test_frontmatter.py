@@ -59,7 +59,7 @@ def test_files_that_cannot_be_read(tmp_path: Path) -> None:
     assert document is None
     assert found[0].span == Span(2, 10)
     large = tmp_path / "large.md"
-    large.write_bytes(b"---\nname: x\n---\n" + b"x" * frontmatter.MOST_BYTES)
+    large.write_bytes(b"---\nname: x\n---\n" + b"x" * frontmatter.MAX_BYTES)
     assert "larger than" in frontmatter.read(large, "CODE")[1][0].summary
     absent = frontmatter.read(tmp_path / "absent.md", "CODE")[1][0]
     assert "cannot be read" in absent.summary and "replace it by a text file" in str(absent.hint)

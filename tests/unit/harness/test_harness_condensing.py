@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic, warning
-from octoform.harness.llm.completion import MOST_LINES, Condensed, condense
+from octoform.harness.llm.completion import MAX_LINES, Condensed, condense
 from octoform.harness.port import Excerpt, Usage
 
 SUMMARY = "WHAT FAILED: the disk was full"
@@ -75,7 +75,7 @@ def test_a_completion_that_fails(log: Path) -> None:
     excerpt = condense(log, 500, Answering(warning("HOUSEKEEPING-FAILED", "it is down")))
     assert (excerpt.condensed, excerpt.reason) == (False, "it is down")
     assert excerpt.text.endswith("line 19999")
-    assert len(excerpt.text.splitlines()) <= MOST_LINES
+    assert len(excerpt.text.splitlines()) <= MAX_LINES
 
 
 def test_what_a_completion_is_given_is_bounded_redacted_and_fenced(tmp_path: Path) -> None:

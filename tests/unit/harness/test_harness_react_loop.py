@@ -13,7 +13,7 @@ from octoform.harness.llm.route import Route
 from octoform.harness.react.agent_tools import Shell, Toolbox
 from octoform.harness.react.chat_history import Conversation
 from octoform.harness.react.config import Config, read
-from octoform.harness.react.loop import MOST_CALLS, MOST_WRONG, SHOWN, Loop, Reporter, instructions
+from octoform.harness.react.loop import MAX_CALLS, MAX_WRONG, SHOWN, Loop, Reporter, instructions
 
 WRITE = "echo {} > output.json"
 
@@ -87,7 +87,7 @@ def test_all_calls_of_a_reply_are_made(run: Callable[[Scripted], Ran]) -> None:
     model = Scripted(calling(*calls), shell("cat all; " + WRITE), Reply("Done."))
     ok, _ = run(model)
     assert ok
-    assert model.told("tool")[-1].split() == [str(number) for number in range(MOST_CALLS)]
+    assert model.told("tool")[-1].split() == [str(number) for number in range(MAX_CALLS)]
     asked = [call["id"] for item in model.asked[-1] for call in item.get("tool_calls", ())]
     assert asked == [item["tool_call_id"] for item in model.asked[-1] if item["role"] == "tool"]
 
@@ -119,16 +119,16 @@ def test_nothing_that_can_be_run_is_bounded(run: Callable[[Scripted], Ran], wron
     model = Scripted(wrong)
     ok, lines = run(model)
     assert not ok
-    assert len(model.asked) == MOST_WRONG
+    assert len(model.asked) == MAX_WRONG
     assert lines[-1]["type"] == "closed" and not lines[-1]["ok"]
     assert "with which nothing could be done" in lines[-1]["text"]
 
 
 def test_a_good_call_between_bad_ones_starts_the_count_anew(run: Callable[[Scripted], Ran]) -> None:
-    wrong = [calling(Call("1", "shell", "{}"))] * (MOST_WRONG - 1)
+    wrong = [calling(Call("1", "shell", "{}"))] * (MAX_WRONG - 1)
     ok, lines = run(Scripted(*wrong, shell("true"), *wrong, shell(WRITE), Reply("Done.")))
     assert ok
-    assert sum(line.get("failed", False) for line in lines) == 2 * (MOST_WRONG - 1)
+    assert sum(line.get("failed", False) for line in lines) == 2 * (MAX_WRONG - 1)
 
 
 def test_a_model_that_has_failed_for_good(run: Callable[[Scripted], Ran]) -> None:

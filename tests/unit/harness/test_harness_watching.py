@@ -20,7 +20,7 @@ from octoform.harness.port import (
     Turn,
     Usage,
 )
-from octoform.harness.watcher import LONGEST_LINE, Watcher
+from octoform.harness.watcher import MAX_LINE, Watcher
 
 EVENTS: dict[bytes, AgentEvent] = {
     b"turn": Turn(Usage(1000, 400, 100)),
@@ -162,7 +162,7 @@ def test_a_program_that_says_it_failed_is_waited_for_as_any_other() -> None:
 
 def test_lines_come_in_any_pieces_and_one_that_is_too_long_is_left_out() -> None:
     run = Run()
-    for piece in (b"tu", b"rn\nto", b"ol\n", b"x" * (LONGEST_LINE + 1), b"turn\ntu", b"rn\n"):
+    for piece in (b"tu", b"rn\nto", b"ol\n", b"x" * (MAX_LINE + 1), b"turn\ntu", b"rn\n"):
         run.watcher.feed("stdout", piece)
     assert run.watcher.turns == 2
     run.watcher.feed("stdout", b"turn")

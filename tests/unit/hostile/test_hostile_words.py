@@ -20,7 +20,7 @@ from octoform.engine.results import RunResult
 from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.harness.port import TaskLimits
 from octoform.harness.watcher import Watcher
-from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, render_prompt
+from octoform.protocol import MAX_PROMPT_BYTES, STAGES, Prompt, render_prompt
 from octoform.protocol.spec_loader import load
 from octoform.runtime import calllog
 from octoform.state import attempts
@@ -81,7 +81,7 @@ def test_in_a_retry_it_stays_inside_its_fence(hostile: Hostile, stage: str, tmp_
 
     expected = retry(BENIGN, BENIGN.encode())
     found = retry(hostile.text.encode("utf-8", "replace").decode(), b"the agent said\n" + hostile.data + b"\n")
-    assert len(found.encode()) <= MOST_PROMPT_BYTES
+    assert len(found.encode()) <= MAX_PROMPT_BYTES
     assert not hidden(found)
     assert [match[2] for match in FENCED.finditer(found)] == [match[2] for match in FENCED.finditer(expected)]
     assert FENCED.sub("", found) == FENCED.sub("", expected)

@@ -9,7 +9,7 @@ import pytest
 
 from octoform.diagnostics import error
 from octoform.perception.capture import Picture, Taken
-from octoform.perception.frames import MOST_BYTES, Record, keep, picture_of, read, with_absence, with_picture, words
+from octoform.perception.frames import MAX_BYTES, Record, keep, picture_of, read, with_absence, with_picture, words
 from octoform.state.layout import Layout
 
 VIEW = {"device": "usb-1f00-00c1", "tool": "capture_image", "arguments": {"device": "usb-1f00-00c1"}}
@@ -134,7 +134,7 @@ def test_the_summary_does_not_grow_however_long_it_goes_on() -> None:
         record = with_picture(record, taken(30 + second % 2 * 200, seed=second % 7), VIEW, at(second % 60))
         sizes.append(len(record.model_dump_json()))
     assert max(sizes[50:]) < 16_000
-    assert sum(len(line.encode()) + 1 for line in record.summary.changes) <= MOST_BYTES
+    assert sum(len(line.encode()) + 1 for line in record.summary.changes) <= MAX_BYTES
     assert len(words(record).encode()) < 3072 and len(words(with_absence(record, long, at(0))).encode()) < 3072
     assert record.summary.looks == 151
 

@@ -8,7 +8,7 @@ import pytest
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, contributions, devices_of, for_task, load, load_text, match_rule
 from octoform.profiles.definition_values import Value
-from octoform.profiles.lines import Command, Line, LineGrammar
+from octoform.profiles.lines import Command, Line, LineDefinition
 from octoform.profiles.model import plain
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
@@ -60,7 +60,7 @@ def good() -> Profile:
 def test_a_grammar_is_read_as_data() -> None:
     percent = Value("percent", "integer", unit="%", minimum=0, maximum=100)
     fade = Value("fade", "string", choices=("slow", "fast"))
-    assert good().grammar == LineGrammar(
+    assert good().grammar == LineDefinition(
         Line("tty", 9600, "\n", "OK", "E {message}", 2.0, 1.0),
         (
             Command("lamp_dim", "DIM {percent} {fade}", "dim the lamp", "actuate", (percent, fade)),
@@ -140,7 +140,7 @@ def test_what_is_refused(old: str, new: str, says: str) -> None:
 
 def test_a_product_may_acknowledge_nothing_say_several_lines_and_speak_by_itself() -> None:
     profile, found = lamp('ok: "OK", ', "")
-    assert profile is not None and found == [] and isinstance(profile.grammar, LineGrammar)
+    assert profile is not None and found == [] and isinstance(profile.grammar, LineDefinition)
     assert profile.grammar.line.ok is None and "ok" not in plain(profile.grammar)["line"]
     old = LAMP[LAMP.index('      send: "T?"') : LAMP.index("rig:")]
     new = """      about: what it says every second
@@ -149,7 +149,7 @@ def test_a_product_may_acknowledge_nothing_say_several_lines_and_speak_by_itself
       fields: {celsius: {type: number, unit: C}, on: {type: boolean, words: ["NO", "YES"]}}
 """
     profile, found = lamp(old, new)
-    assert profile is not None and found == [] and isinstance(profile.grammar, LineGrammar)
+    assert profile is not None and found == [] and isinstance(profile.grammar, LineDefinition)
     command = plain(profile.grammar)["commands"][1]
     assert "send" not in command and command["reply"] == ["T {celsius}", "ON {on}"]
     assert command["fields"]["on"] == {"type": "boolean", "words": ["NO", "YES"]}
@@ -263,7 +263,7 @@ def test_the_shipped_profiles_say_nothing_of_one_rig() -> None:
     for profile in profiles.values():
         assert profile.rig.facts == () and profile.rig.limits == () and profile.product
     grammar = profiles["camera-rail"].grammar
-    assert isinstance(grammar, LineGrammar) and profiles["camera-rail"].stop == ()
+    assert isinstance(grammar, LineDefinition) and profiles["camera-rail"].stop == ()
     assert [(item.tool, item.send) for item in grammar.commands] == [
         ("rail_move_x", "MOVE_X {steps}"),
         ("rail_move_y", "MOVE_Y {steps}"),

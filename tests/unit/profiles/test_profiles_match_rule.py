@@ -104,7 +104,7 @@ def test_what_is_no_rule(value: object) -> None:
 
 def test_depth_is_bounded() -> None:
     value: object = {"text": "a"}
-    for _ in range(match_rule.MOST_DEPTH):
+    for _ in range(match_rule.MAX_DEPTH):
         value = {"not": value}
     assert match_rule.read(value, ())[0] is None
 

@@ -9,7 +9,7 @@ import pytest
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, for_task, load, load_text
 from octoform.profiles.model import plain
-from octoform.profiles.registers import Action, Library, Motion, Register, RegisterGrammar, Speed
+from octoform.profiles.registers import Action, Library, Motion, Register, RegisterDefinition, Speed
 
 SHIPPED = Path(__file__).parents[3] / "profiles"
 PUMP = """---
@@ -77,9 +77,9 @@ def good() -> Profile:
     return profile
 
 
-def grammar() -> RegisterGrammar:
+def grammar() -> RegisterDefinition:
     found = good().grammar
-    assert isinstance(found, RegisterGrammar)
+    assert isinstance(found, RegisterDefinition)
     return found
 
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.protocol import MOST_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
+from octoform.protocol import MAX_PROMPT_BYTES, Prompt, PromptTooLarge, render_prompt
 from octoform.protocol.spec_loader import load
 
 SPEC = load(None)[0]["identify"]
@@ -50,7 +50,7 @@ def test_an_answer_cannot_leave_its_fence_or_hide() -> None:
 
 def test_more_than_a_prompt_holds_is_refused() -> None:
     with pytest.raises(PromptTooLarge):
-        prompt({f"usb-{number}": "lamp " * 190 for number in range(MOST_PROMPT_BYTES // 900)})
+        prompt({f"usb-{number}": "lamp " * 190 for number in range(MAX_PROMPT_BYTES // 900)})
 
 
 def test_a_profile_that_is_not_chosen_is_named_with_its_device() -> None:

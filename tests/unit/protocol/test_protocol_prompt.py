@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.diagnostics import Span, error
-from octoform.protocol import MOST_PROMPT_BYTES, STAGES, Prompt, PromptTooLarge, Spec, render_prompt
-from octoform.protocol.prompt import MOST_DIAGNOSTIC_CHARACTERS, fenced, findings, tail
+from octoform.protocol import MAX_PROMPT_BYTES, STAGES, Prompt, PromptTooLarge, Spec, render_prompt
+from octoform.protocol.prompt import MAX_DIAGNOSTIC_CHARACTERS, fenced, findings, tail
 from octoform.protocol.spec_loader import load
 
 SPECS: dict[str, Spec] = load(None)[0]
@@ -85,7 +85,7 @@ def test_the_tail_is_bounded_in_lines_and_bytes(tmp_path: Path, content: bytes, 
     found = tail(log, 100, 8 * 1024)
     assert len(found.encode()) <= size
     assert len(found.splitlines()) == lines
-    assert len(render_prompt(prompt(failed_log=log)).encode()) <= MOST_PROMPT_BYTES
+    assert len(render_prompt(prompt(failed_log=log)).encode()) <= MAX_PROMPT_BYTES
 
 
 def test_the_tail_of_what_is_no_plain_file_is_empty(tmp_path: Path) -> None:
@@ -133,16 +133,16 @@ def test_findings_cannot_leave_their_fence() -> None:
 def test_the_log_gives_way_before_the_bound_is_broken(tmp_path: Path) -> None:
     log = tmp_path / "agent.log"
     log.write_text("z" * 9000 + " the very end\n")
-    profile = "p" * (MOST_PROMPT_BYTES - 5000)
+    profile = "p" * (MAX_PROMPT_BYTES - 5000)
     text = render_prompt(prompt(failed_log=log, profiles=(profile,)))
-    assert MOST_PROMPT_BYTES - 200 < len(text.encode()) <= MOST_PROMPT_BYTES
+    assert MAX_PROMPT_BYTES - 200 < len(text.encode()) <= MAX_PROMPT_BYTES
     assert "zzz the very end" in text
     assert profile in text
 
 
 def test_what_cannot_be_cut_is_refused() -> None:
     with pytest.raises(PromptTooLarge, match="identify"):
-        render_prompt(prompt(profiles=("p" * MOST_PROMPT_BYTES,)))
+        render_prompt(prompt(profiles=("p" * MAX_PROMPT_BYTES,)))
 
 
 def test_template_syntax_in_data_is_data(tmp_path: Path) -> None:
@@ -180,7 +180,7 @@ def test_no_prompt_tells_where_the_project_lies() -> None:
 def test_the_lines_of_a_detail_stay_apart_and_what_is_cut_ends_after_a_whole_item() -> None:
     lines = [f"device-{at}: 'a device', /sys/devices/{'long/' * 12}{at}" for at in range(9)]
     given = findings([error("CODE", "some are missing", hint="list each", detail="\n".join(lines))])
-    assert len(given) <= MOST_DIAGNOSTIC_CHARACTERS + len("- ") and given.endswith(" ...")
+    assert len(given) <= MAX_DIAGNOSTIC_CHARACTERS + len("- ") and given.endswith(" ...")
     items = given.removesuffix(" ...").partition("(list each): ")[2].split("; ")
     assert len(items) > 3 and items == lines[: len(items)]
     words = findings([error("CODE", "word/" * 40 + " " + "/sys/devices/virtual " * 40)]).removesuffix(" ...")

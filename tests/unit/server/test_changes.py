@@ -127,11 +127,11 @@ async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
 @pytest.mark.anyio
 async def test_subscriptions_are_bounded() -> None:
     server, _ = offered()
-    uris = [f"octoform://other/{number}" for number in range(notifications.MOST_URIS + 1)]
+    uris = [f"octoform://other/{number}" for number in range(notifications.MAX_URIS + 1)]
     async with Client(server, mode="legacy") as client:
         for uri in uris[:-1]:
             await subscribe(client, uri)
-        for uri in (uris[-1], "octoform://" + "x" * notifications.LONGEST_URI):
+        for uri in (uris[-1], "octoform://" + "x" * notifications.MAX_URI):
             with pytest.raises(MCPError, match="at most"):
                 await subscribe(client, uri)
     async with Client(server) as client:

@@ -138,7 +138,7 @@ def test_a_control_door_answers_without_threads_too(
 
 def test_connections_that_ask_nothing_make_room(control: Control, tmp_path: Path) -> None:
     control.start()
-    silent = [connected(tmp_path / "control.sock") for _ in range(module.MOST + 10)]
+    silent = [connected(tmp_path / "control.sock") for _ in range(module.MAX_CLIENTS + 10)]
     try:
         with connected(tmp_path / "control.sock") as client:
             assert asked(client, op="status") == {"fine": True}
@@ -146,7 +146,7 @@ def test_connections_that_ask_nothing_make_room(control: Control, tmp_path: Path
             connection.settimeout(module.SECONDS / 2)
             assert connection.recv(1) == b""
         # Threads of those that had to go end a moment after their connections.
-        until(lambda: sum(thread.name == "control-answer" for thread in threading.enumerate()) <= module.MOST)
+        until(lambda: sum(thread.name == "control-answer" for thread in threading.enumerate()) <= module.MAX_CLIENTS)
     finally:
         for connection in silent:
             connection.close()
@@ -157,11 +157,11 @@ def test_many_questions_leave_room_for_an_emergency_stop(control: Control, tmp_p
     control.on("slow", lambda _: {"waited": go.wait(20)})
     control.on("estop", lambda _: {"stopped": True})
     control.start()
-    slow = [connected(tmp_path / "control.sock") for _ in range(module.MOST)]
+    slow = [connected(tmp_path / "control.sock") for _ in range(module.MAX_CLIENTS)]
     try:
         for connection in slow:
             connection.sendall(b'{"op": "slow"}\n')
-        until(lambda: control._answering == module.MOST)
+        until(lambda: control._answering == module.MAX_CLIENTS)
         with connected(tmp_path / "control.sock") as other:
             assert "too many questions" in str(asked(other, op="status")["error"])
         with connected(tmp_path / "control.sock") as person:
@@ -233,10 +233,10 @@ def test_every_door_is_watched(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) 
         async with asyncio.timeout(20):
             ended = asyncio.get_running_loop().create_future()
             ended.set_exception(OSError("it broke"))
-            assert "it broke" in await endpoint._told_to_stop(asyncio.Event(), [ended])
+            assert "it broke" in await endpoint._stop_requested(asyncio.Event(), [ended])
             listener = listen(layout.socket)
             door = asyncio.create_task(endpoint._clients.serve(listener))
-            found = asyncio.create_task(endpoint._told_to_stop(asyncio.Event(), [door]))
+            found = asyncio.create_task(endpoint._stop_requested(asyncio.Event(), [door]))
             async with RawClient(layout.socket) as client:
                 assert "result" in await client.ask(call("anything"))
                 assert not found.done()

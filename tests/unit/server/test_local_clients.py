@@ -78,7 +78,7 @@ async def talking(folder: Path, requests: int) -> AsyncIterator[tuple[Talkative,
 def test_a_client_that_does_not_read_fills_no_memory(
     tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(unix_socket, "MOST_WAITING", 5_000_000)
+    monkeypatch.setattr(unix_socket, "MAX_WAITING", 5_000_000)
 
     async def scenario() -> None:
         async with talking(tmp_path, 40) as (server, _):
@@ -104,7 +104,7 @@ def test_a_client_that_takes_nothing_is_sent_away(
 
 def test_a_client_that_reads_gets_everything(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also when it closes its own side as soon as it has asked."""
-    monkeypatch.setattr(unix_socket, "MOST_WAITING", 50_000_000)
+    monkeypatch.setattr(unix_socket, "MAX_WAITING", 50_000_000)
 
     async def scenario() -> None:
         async with talking(tmp_path, 20) as (server, client):
@@ -121,7 +121,7 @@ def test_a_client_that_reads_gets_everything(tmp_path: Path, monkeypatch: pytest
 
 def test_a_full_house_is_told_as_such(tmp_path: Path, said: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
     """And not taken for a dead one, in whose place another would be started."""
-    monkeypatch.setattr(unix_socket, "MOST_CLIENTS", 1)
+    monkeypatch.setattr(unix_socket, "MAX_CLIENTS", 1)
 
     async def scenario() -> None:
         async with talking(tmp_path, 0) as (_, first):

@@ -10,7 +10,7 @@ import pytest
 from ledgers import ARM, Bench, Clock
 
 from octoform.base.clock import boottime
-from octoform.server.restrictions import LONGEST, NAME, Restrictions, Subject
+from octoform.server.restrictions import MAX_SECONDS, NAME, Restrictions, Subject
 from octoform.server.tool_policy import Units
 
 ENTRY: dict[str, Any] = {
@@ -116,7 +116,7 @@ def test_what_was_written_in_another_start_of_the_machine_is_over_but_for_a_pers
 
 
 def test_an_end_that_lies_too_far_ahead_is_not_believed(watched: Watched) -> None:
-    watched.write({**ENTRY, "expires": 100.0 + LONGEST + 1})
+    watched.write({**ENTRY, "expires": 100.0 + MAX_SECONDS + 1})
     assert not watched.refuses(joint="elbow")
 
 

@@ -43,8 +43,8 @@ async def test_what_came_later_in_the_same_stream_is_sent_again() -> None:
 
 
 async def test_the_oldest_is_dropped_when_there_is_too_much(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(http, "MOST_BYTES", 10_000)
-    monkeypatch.setattr(http, "MOST_EVENTS", 10)
+    monkeypatch.setattr(http, "MAX_BYTES", 10_000)
+    monkeypatch.setattr(http, "MAX_EVENTS", 10)
     store = Recent()
     kept = [await store.store_event("one", answer(number, "x" * 4000)) for number in range(4)]
     assert await replayed(store, kept[1]) == (None, [])

@@ -15,8 +15,8 @@ from starlette.applications import Starlette
 from web_doors import ALL, INITIALIZE, Door, bearer, door, server, until, write_tokens
 
 from octoform.server.notifications import Changes
-from octoform.server.transport.authentication import LEAST_OPEN, MOST_OPEN, Open, Tokens
-from octoform.server.transport.http import MOST_CONNECTIONS, Connection
+from octoform.server.transport.authentication import LEAST_OPEN, MAX_OPEN, Open, Tokens
+from octoform.server.transport.http import MAX_CONNECTIONS, Connection
 
 MEGABYTE = 1 << 20
 
@@ -109,10 +109,10 @@ def test_half_open_connections_keep_nobody_out(opened: Door, monkeypatch: pytest
 
 def test_more_connections_than_there_is_room_for(opened: Door) -> None:
     with contextlib.ExitStack() as stack:
-        silent = [stack.enter_context(opened.connect()) for _ in range(MOST_CONNECTIONS + 60)]
+        silent = [stack.enter_context(opened.connect()) for _ in range(MAX_CONNECTIONS + 60)]
         assert serves(opened) < 10
         # The oldest of those that only wait made room; what was taken is bounded.
-        until(lambda: len(opened.web._uvicorn.server_state.connections) <= MOST_CONNECTIONS, seconds=5)
+        until(lambda: len(opened.web._uvicorn.server_state.connections) <= MAX_CONNECTIONS, seconds=5)
         silent[0].settimeout(5)
         with contextlib.suppress(ConnectionError):
             assert silent[0].recv(1) == b""
@@ -138,9 +138,9 @@ def test_one_token_cannot_take_the_room_of_the_others(tmp_path: Path) -> None:
             connection.sendall(head(opened, *era, token="other") + body)
             return connection.recv(4096)
 
-        answers = [stream() for _ in range(MOST_OPEN)]
+        answers = [stream() for _ in range(MAX_OPEN)]
         taken = sum(answer.startswith(b"HTTP/1.1 200") for answer in answers)
-        assert taken == MOST_OPEN // 2, answers[0]
+        assert taken == MAX_OPEN // 2, answers[0]
         assert all(answer.startswith(b"HTTP/1.1 429") for answer in answers[taken:])
         assert serves(opened) < 10
         assert opened.ask("GET", "/health")[0] == 200
@@ -155,7 +155,7 @@ async def test_however_many_tokens_take_what_they_can_one_more_finds_room() -> N
             mine.add(anyio.CancelScope())
         assert len(mine) >= LEAST_OPEN
     assert opened._has_room("one more")
-    assert sum(map(len, opened._requests.values())) < MOST_CONNECTIONS
+    assert sum(map(len, opened._requests.values())) < MAX_CONNECTIONS
 
 
 def test_request_under_way_is_never_the_one_that_makes_room(opened: Door) -> None:
@@ -166,7 +166,7 @@ def test_request_under_way_is_never_the_one_that_makes_room(opened: Door) -> Non
         stream = stack.enter_context(opened.connect())
         stream.sendall("\r\n".join(["GET /mcp HTTP/1.1", *lines, "", ""]).encode())
         assert stream.recv(4096).startswith(b"HTTP/1.1 200")
-        silent = [stack.enter_context(opened.connect()) for _ in range(MOST_CONNECTIONS + 20)]
+        silent = [stack.enter_context(opened.connect()) for _ in range(MAX_CONNECTIONS + 20)]
         silent[0].settimeout(5)
         with contextlib.suppress(ConnectionError):
             assert silent[0].recv(1) == b""

@@ -9,7 +9,7 @@ from hypothesis import strategies as some
 
 from octoform.state import artifact_cache
 from octoform.state.accepted import accept, file_digest
-from octoform.state.artifact_cache import MOST_ASIDE, Damage, damage_of, move_aside
+from octoform.state.artifact_cache import MAX_ASIDE, Damage, damage_of, move_aside
 from octoform.state.layout import Layout
 
 SERVER = b"import os\n\n\ndef tool():\n    return os.name\n"
@@ -65,7 +65,7 @@ def test_a_damaged_copy_or_index_gives_nothing_and_is_made_again(layout: Layout)
 
 
 def test_what_is_too_large_is_not_kept(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(artifact_cache, "MOST_BYTES", 10)
+    monkeypatch.setattr(artifact_cache, "MAX_BYTES", 10)
     assert artifact_cache.keep(layout, "serve", FILES) is None
     assert artifact_cache.kept(layout, "serve") is None
 
@@ -118,15 +118,15 @@ def test_only_the_very_bytes_are_whole(tmp_path_factory: pytest.TempPathFactory,
 def test_nothing_is_lost_of_what_is_set_aside_and_edits_stay_for_ever(layout: Layout) -> None:
     layout.committed.mkdir(parents=True)
     path = layout.committed / "server.py"
-    for number in range(MOST_ASIDE + 5):
+    for number in range(MAX_ASIDE + 5):
         for why in (Damage.BROKEN, Damage.EDITED):
             path.write_bytes(b"%d" % number)
             target, problem = move_aside(layout, path, f"2026-01-01T00:00:{number:02}Z", why)
             assert problem is None and target is not None and target.read_bytes() == b"%d" % number
             assert not path.exists()
     names = [folder.name for folder in (layout.daemon / "aside").iterdir()]
-    assert sum(name.endswith("-damaged") for name in names) == MOST_ASIDE
-    assert sum(name.endswith("-edited") for name in names) == MOST_ASIDE + 5
+    assert sum(name.endswith("-damaged") for name in names) == MAX_ASIDE
+    assert sum(name.endswith("-edited") for name in names) == MAX_ASIDE + 5
     own = layout.endpoint / "connection.json"
     own.parent.mkdir(parents=True)
     own.write_text("{}")

@@ -127,7 +127,7 @@ def capability_on_a_guess(value: JsonObject, artifacts: Artifacts) -> list[Diagn
     ]
 
 
-def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+def definition_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """Where a profile has a protocol definition, each command is one capability, with its effect and its stop."""
     out = []
     for index, at, profile, capability, commands in _commanded(value, artifacts):
@@ -169,7 +169,7 @@ RULES = (
     Rule("IDENTIFY-KNOWN-CALLED-UNKNOWN", known_called_unknown),
     Rule("IDENTIFY-REASON-FALSE", reason_false),
     Rule("IDENTIFY-CAPABILITY-ON-A-GUESS", capability_on_a_guess),
-    Rule("IDENTIFY-GRAMMAR", grammar_differs),
+    Rule("IDENTIFY-GRAMMAR", definition_differs),
 )
 
 

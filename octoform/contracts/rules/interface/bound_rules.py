@@ -16,7 +16,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
 from octoform.diagnostics import Diagnostic, error
 
-LONGEST_WAIT = 60.0
+MAX_WAIT = 60.0
 """Seconds; the bound of protocol/interface.md."""
 _SIDES = (("minimum", "exclusiveMinimum"), ("maximum", "exclusiveMaximum"))
 _WAITS = frozenset({"timeout", "wait", "waiting", "deadline", "delay"})
@@ -42,7 +42,7 @@ _NUMBERED = frozenset({"register", "reg", "address", "addr", "opcode", "endpoint
 _BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
 _LONG = frozenset({"min", "mins", "minutes", "h", "hours"})
 _PAST = re.compile(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
-LONGEST_TRIAL = 10.0
+MAX_TRIAL = 10.0
 """Seconds that the test call of a reading may wait, or record."""
 _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
@@ -148,17 +148,17 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     for tool, name, where, member, unit in _waits(value):
         longest = member.get("maximum", member.get("exclusiveMaximum"))
-        if isinstance(longest, int | float) and longest * unit <= LONGEST_WAIT:
+        if isinstance(longest, int | float) and longest * unit <= MAX_WAIT:
             continue
         bound = f"{longest * unit:g} s" if isinstance(longest, int | float) else "permanently"
         summary = f"{display(name)} of {display(tool['name'])} lets a call last {bound}"
-        hint = f"write a maximum of at most {LONGEST_WAIT / unit:g}"
+        hint = f"write a maximum of at most {MAX_WAIT / unit:g}"
         out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=where, hint=hint))
     for index, tool in enumerate(value["tools"]):
         series = _series(index, tool)
-        if series is not None and series[1] > LONGEST_WAIT:
+        if series is not None and series[1] > MAX_WAIT:
             summary = f"{display(series[0])} of {display(tool['name'])} lets a series last {series[1]:g} s"
-            hint = f"write maxima whose product is at most {LONGEST_WAIT:g} s: of the readings and of the pause"
+            hint = f"write maxima whose product is at most {MAX_WAIT:g} s: of the readings and of the pause"
             out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=series[2], hint=hint))
     return out
 
@@ -168,9 +168,9 @@ def sample_too_long(value: JsonObject) -> list[Diagnostic]:
     out = []
     for tool, name, where, member, unit in _waits(value):
         given = tool.get("smoke", {}).get("arguments", {}).get(name, member.get("default"))
-        if tool["effect"] == "read" and _is_plain(given) and given * unit > LONGEST_TRIAL:
+        if tool["effect"] == "read" and _is_plain(given) and given * unit > MAX_TRIAL:
             summary = f"the test call of {display(tool['name'])} may last {given * unit:g} s by its {display(name)}"
-            hint = f"write into `smoke.arguments` the shortest one, at most {LONGEST_TRIAL / unit:g}"
+            hint = f"write into `smoke.arguments` the shortest one, at most {MAX_TRIAL / unit:g}"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint=hint))
     return out
 

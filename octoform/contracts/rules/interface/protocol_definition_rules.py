@@ -16,7 +16,7 @@ from octoform.diagnostics import Diagnostic, did_you_mean, error
 CODE = "INTERFACE-GRAMMAR-DIFFERS"
 
 
-def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+def definition_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The tools of a device with a protocol definition mirror it exactly: names, effects, and what a caller may say."""
     spared = {item["id"] for item in value["left_out"] if item["reason"] in SPARED}
     out: list[Diagnostic] = []
@@ -37,7 +37,7 @@ def grammar_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return out
 
 
-RULES = (Rule(CODE, grammar_differs),)
+RULES = (Rule(CODE, definition_differs),)
 
 
 def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:

@@ -47,7 +47,7 @@ _ENDS = frozenset({"sys.exit", "os._exit", "os.abort", "exit", "quit", "signal.r
 _ENDING = frozenset({"SystemExit", "KeyboardInterrupt", "GeneratorExit"})
 _STAND_INS = frozenset({"unittest", "mock", "pytest", "doctest", "faker"})
 _SLEEPS = frozenset({"time.sleep", "asyncio.sleep", "anyio.sleep"})
-_LONGEST_WAIT = 60.0
+_MAX_WAIT = 60.0
 """Seconds; the bound of protocol/interface.md."""
 
 
@@ -231,8 +231,8 @@ def waits_too_long(value: str, _: Artifacts) -> list[Diagnostic]:
     for call, name in source.calls:
         given = call.args[0] if name in _SLEEPS and call.args else None
         seconds = given.value if isinstance(given, ast.Constant) else None
-        if isinstance(seconds, int | float) and seconds > _LONGEST_WAIT:
-            summary = f"{display(name)} waits {seconds:g} s, and a call may last {_LONGEST_WAIT:g} s"
+        if isinstance(seconds, int | float) and seconds > _MAX_WAIT:
+            summary = f"{display(name)} waits {seconds:g} s, and a call may last {_MAX_WAIT:g} s"
             hint = "return what is there now, or let a parameter say how long to wait, within a minute"
             out.append(source.problem("SERVE-WAIT-TOO-LONG", call, summary, hint))
     return out

@@ -238,7 +238,7 @@ class _Substitutes:
             yield from self._in_a_mode(node)
             absent = _tests_none(node.test) and not _is_optional(node.test)
             body = [item for item in node.body if self._gives_number(item)] if absent else []
-            body += [] if absent else [item for item in node.body if self._stands_in(node.test, item)]
+            body += [] if absent else [item for item in node.body if self._is_substitute(node.test, item)]
             body += self._instead(node)
             yield from ((item, "a reading that is not there") for item in body)
         elif isinstance(node, ast.match_case):
@@ -366,7 +366,7 @@ class _Substitutes:
     def _gives_number(self, statement: ast.stmt) -> bool:
         return isinstance(statement, ast.Return | ast.Assign) and self._is_number(statement.value)
 
-    def _stands_in(self, test: ast.expr, statement: ast.stmt) -> bool:
+    def _is_substitute(self, test: ast.expr, statement: ast.stmt) -> bool:
         """``if not value: value = 0``"""
         if not isinstance(test, ast.UnaryOp) or not isinstance(test.op, ast.Not) or _is_optional(test):
             return False

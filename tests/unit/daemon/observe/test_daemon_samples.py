@@ -13,8 +13,8 @@ from launched import Launched, launched, tool
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.daemon.observe.samples import (
     EMPTY,
-    MOST_CALLS,
-    MOST_VALUES,
+    MAX_CALLS,
+    MAX_VALUES,
     Frames,
     Sensors,
     flattened,
@@ -141,11 +141,11 @@ def test_a_tool_of_several_devices_is_asked_for_each_and_one_that_fails_is_told_
 def test_what_is_more_than_is_read_at_a_time_is_said_and_not_left_out(tmp_path: Path) -> None:
     layout = Layout(tmp_path, "bench")
     layout.output("interface").parent.mkdir(parents=True)
-    many = {"type": "string", "enum": [f"hwmon-{number}" for number in range(MOST_CALLS + 7)]}
+    many = {"type": "string", "enum": [f"hwmon-{number}" for number in range(MAX_CALLS + 7)]}
     tools = [declared("read_temperature", properties={"device": many}, required=["device"])]
     layout.output("interface").write_text(json.dumps({"tools": tools}))
     found = Sensors(layout, make)()
-    assert len({each.signal for each in found}) == MOST_CALLS + 7
+    assert len({each.signal for each in found}) == MAX_CALLS + 7
     assert all(each.value is None and each.why for each in found)
 
 
@@ -246,7 +246,7 @@ JSON = st.recursive(
 @given(JSON)
 def test_whatever_a_tool_answers_each_value_has_its_own_path(value: object) -> None:
     found = list(flattened(value))
-    assert len(found) <= MOST_VALUES
+    assert len(found) <= MAX_VALUES
     paths = [path for path, _, _ in found]
     assert len(set(paths)) == len(paths)
     assert all(path == "" or path.startswith("/") for path in paths)

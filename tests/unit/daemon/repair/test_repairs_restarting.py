@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from octoform.daemon.repair import restart as daemon_restart
-from octoform.daemon.repair.restart import LONGEST_PAUSE, MOST_SHORT, SHORT_SECONDS, World, read, restart
+from octoform.daemon.repair.restart import MAX_PAUSE, MAX_SHORT, SHORT_SECONDS, World, read, restart
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record as desired_state
 from octoform.endpoint.process import start_stop
@@ -69,10 +69,10 @@ def test_a_disk_that_refuses_a_start_is_a_start_that_failed(machine: Machine, mo
 
 
 def test_a_start_that_lasts_costs_no_pause_however_often_it_is_needed(machine: Machine) -> None:
-    for _ in range(3 * MOST_SHORT):
+    for _ in range(3 * MAX_SHORT):
         assert machine.restart()[0]
     assert max(machine.slept) < 1.0
-    assert machine.started == 3 * MOST_SHORT
+    assert machine.started == 3 * MAX_SHORT
 
 
 @pytest.mark.parametrize("life", [0.5, SHORT_SECONDS - 2, None])
@@ -80,20 +80,20 @@ def test_crashes_one_after_the_other_are_a_loop_after_a_few_ever_longer_pauses(
     machine: Machine, life: float | None
 ) -> None:
     machine.life = life
-    ends = [machine.restart() for _ in range(MOST_SHORT)]
-    assert [ok for ok, _, _ in ends] == [life is not None] * MOST_SHORT
+    ends = [machine.restart() for _ in range(MAX_SHORT)]
+    assert [ok for ok, _, _ in ends] == [life is not None] * MAX_SHORT
     pauses = [seconds for seconds in machine.slept if seconds >= 0.5]
-    assert pauses == sorted(pauses) and max(pauses) <= LONGEST_PAUSE and len(pauses) == MOST_SHORT - 1
+    assert pauses == sorted(pauses) and max(pauses) <= MAX_PAUSE and len(pauses) == MAX_SHORT - 1
     ok, again, detail = machine.restart()
     assert (ok, again) == (False, False)
-    assert "crashes in a loop" in detail and f"{MOST_SHORT} starts" in detail
+    assert "crashes in a loop" in detail and f"{MAX_SHORT} starts" in detail
     assert ("ImportError: nothing" in detail) == (life is None)
-    assert machine.started == MOST_SHORT
+    assert machine.started == MAX_SHORT
 
 
 def test_a_person_who_asks_again_gets_new_tries_after_a_loop(machine: Machine) -> None:
     machine.life = None
-    for _ in range(MOST_SHORT + 1):
+    for _ in range(MAX_SHORT + 1):
         machine.restart()
     machine.life = 3600.0
     assert machine.restart()[0]
@@ -101,7 +101,7 @@ def test_a_person_who_asks_again_gets_new_tries_after_a_loop(machine: Machine) -
 
 def test_starts_of_another_boot_and_a_damaged_record_count_for_nothing(machine: Machine) -> None:
     machine.life = 1.0
-    for _ in range(MOST_SHORT):
+    for _ in range(MAX_SHORT):
         machine.restart()
     machine.boot = "two"
     assert machine.restart()[0]
