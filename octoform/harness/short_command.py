@@ -18,7 +18,7 @@ from octoform.records import dataclass
 
 FILE_BYTES = 4 << 30
 KEPT_BYTES = 64 << 10
-TELL_SECONDS = 10.0
+REPORT_SECONDS = 10.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ class _Keeper:
         self._kept = {"stdout": b"", "stderr": b""}
         self._waiting = waiting
         self._began = time.monotonic()
-        self._told = 0
+        self._reports = 0
 
     def feed(self, stream: str, data: bytes) -> None:
         """See `Observer.feed`."""
@@ -81,8 +81,8 @@ class _Keeper:
     def tick(self) -> bool:
         """See `Observer.tick`."""
         passed = time.monotonic() - self._began
-        if self._waiting is not None and passed >= TELL_SECONDS * (self._told + 1):
-            self._told += 1
+        if self._waiting is not None and passed >= REPORT_SECONDS * (self._reports + 1):
+            self._reports += 1
             self._waiting(passed)
         return False
 

@@ -182,7 +182,7 @@ class _Rules:
         self._root = root
         self._environ = environ
         self._report = report
-        self._told: set[tuple[str, object]] = set()
+        self._reported: set[tuple[str, object]] = set()
 
     def check(self) -> None:
         in_force = conversion.in_force(self._document)
@@ -201,8 +201,8 @@ class _Rules:
         return node.span if node is not None else self._root.span
 
     def _is_new(self, rule: str, what: object) -> bool:
-        is_new = (rule, what) not in self._told
-        self._told.add((rule, what))
+        is_new = (rule, what) not in self._reported
+        self._reported.add((rule, what))
         return is_new
 
     def _no_model(self, agent: Agent) -> None:

@@ -155,7 +155,7 @@ class Restrictions:
         ledger: Callable[[], tuple[Entry, ...] | None] = _unknown,
     ) -> None:
         self._place = None if path is None else str(path)
-        self._tell, self._clock, self._ledger = notify, clock or boottime, ledger
+        self._notify, self._clock, self._ledger = notify, clock or boottime, ledger
         self._boot = boot_id() if boot is None else boot
         self._lock = threading.Lock()
         self._seen: tuple[int, int, int] | None = None
@@ -228,7 +228,7 @@ class Restrictions:
         if text != self.problem:
             self.problem = text
             write_line(text)
-            self._tell("restrictions_unreadable", {"text": text})
+            self._notify("restrictions_unreadable", {"text": text})
 
     def _read(self, place: str) -> tuple[Entry, ...]:
         document = record(read_json(Path(place), SIZE, follow=False, any_text=True), FORMAT)
@@ -241,7 +241,7 @@ class Restrictions:
         for event, entries, others in (("restriction_over", before, now), ("restriction", after, known)):
             for entry in entries:
                 if _same(entry) not in others:
-                    self._tell(event, {name: value for name, value in entry.shown(0).items() if name != "seconds"})
+                    self._notify(event, {name: value for name, value in entry.shown(0).items() if name != "seconds"})
 
 
 def _entry(item: Mapping[str, Any]) -> Entry:

@@ -187,7 +187,7 @@ class _Log:
     def __init__(self, path: Path, show: Callable[[Event], None]) -> None:
         self._show = show
         self._torn = False
-        self._told = False
+        self._is_reported = False
         self._descriptor: int | None = None
         try:
             private_folder(path.parent)
@@ -208,8 +208,8 @@ class _Log:
             self._report_refusal(problem)
 
     def _report_refusal(self, problem: OSError) -> None:
-        if not self._told:
-            self._told = True
+        if not self._is_reported:
+            self._is_reported = True
             self._show(Notice("", f"the execution log is incomplete: {problem.strerror}"))
 
     def close(self) -> None:

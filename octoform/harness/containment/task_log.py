@@ -30,7 +30,7 @@ class Progress:
         self._sink = sink
         self._clock = clock
         self._began = clock()
-        self._told = float("-inf")
+        self._written_at = float("-inf")
         self._line = b""
         self._pending: str | None = None
 
@@ -49,9 +49,9 @@ class Progress:
     def tick(self) -> None:
         """Show a waiting line when enough time has passed since the last."""
         now = self._clock()
-        if self._pending is None and now - max(self._told, self._began) >= SILENCE_INTERVAL:
+        if self._pending is None and now - max(self._written_at, self._began) >= SILENCE_INTERVAL:
             self._pending = ""
-        if self._pending is not None and now - self._told >= PROGRESS_INTERVAL:
+        if self._pending is not None and now - self._written_at >= PROGRESS_INTERVAL:
             self._show(now)
 
     def finish(self) -> None:
@@ -61,7 +61,7 @@ class Progress:
             self._show(self._clock())
 
     def _show(self, now: float) -> None:
-        text, self._pending, self._told = self._pending, None, now
+        text, self._pending, self._written_at = self._pending, None, now
         if text is not None:
             self._sink(text, now - self._began)
 

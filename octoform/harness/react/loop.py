@@ -87,7 +87,7 @@ class Loop:
     done: Callable[[], bool]
     output: str
     _wrong: int = field(default=0, init=False)
-    _told: bool = field(default=False, init=False)
+    _was_reminded: bool = field(default=False, init=False)
 
     def run(self) -> bool:
         """Run to the end; True when it is a good one. Everything is reported to the reporter."""
@@ -125,9 +125,9 @@ class Loop:
             self._wrong += 1
             self.conversation.reply("Your reply was empty or could not be read. Call one tool, with valid arguments.")
             return False
-        if self._told:
+        if self._was_reminded:
             return True
-        self._told = True
+        self._was_reminded = True
         self.conversation.reply(
             f"The output file {self.output} is not there, or is empty. Write it now; "
             "if that cannot be done, explain it in one sentence."

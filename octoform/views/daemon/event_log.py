@@ -39,7 +39,7 @@ class Standing:
     """Which problems wait for a person, shown once each time that they begin to."""
 
     def __init__(self) -> None:
-        self._told: set[str] = set()
+        self._shown: set[str] = set()
         self._known: dict[str, Incident] = {}
 
     def fresh(self, made: Cycle) -> list[Incident]:
@@ -49,8 +49,8 @@ class Standing:
         for each in made.ended:
             self._known.pop(each.key, None)
         now = {key: each for key, each in self._known.items() if each.outcome in _STANDING}
-        new = [each for key, each in now.items() if key not in self._told]
-        self._told = set(now)
+        new = [each for key, each in now.items() if key not in self._shown]
+        self._shown = set(now)
         return new
 
 
