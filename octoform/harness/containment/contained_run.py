@@ -189,7 +189,7 @@ class _Session:
         processes.put_on(mark, self._process.pid)  # before the agent starts, which waits for the byte of `follow`
         self._mark = mark
         self._report = report
-        self._report = b""
+        self._message = b""
         self._ordered = False
         self.halted = False
 
@@ -222,7 +222,7 @@ class _Session:
         for name in STREAMS:
             observer.feed(name, log.rest(name))
         observer.finish()
-        return self._report
+        return self._message
 
     def _take(
         self, selector: selectors.BaseSelector, key: selectors.SelectorKey, log: TaskLog, observer: Observer
@@ -236,7 +236,7 @@ class _Session:
             selector.unregister(key.fd)
             return False
         if key.data == "report":
-            self._report += data
+            self._message += data
             return True
         observer.feed(key.data, log.feed(key.data, data))
         return True
