@@ -9,7 +9,7 @@ from typing import Any
 from octoform.profiles import limits, match_rule
 from octoform.profiles.model import Profile, plain
 
-MAX_LINE, DEEPEST = 100, 3
+MAX_LINE, MAX_DEPTH = 100, 3
 _PACKAGING = re.compile(
     r"\b(?:packages?|librar(?:y|ies)|modules?|imported|installs?|pip|PyPI|SDK|wheels?)\b", re.IGNORECASE
 )
@@ -108,11 +108,11 @@ def packaging(profile: Profile, ids: Collection[str]) -> str:
 def _laid_out(value: Any, depth: int = 1) -> str:
     """JSON with what is short on one line: a whole one would take most of a prompt for its line ends and spaces."""
     flat = json.dumps(value, ensure_ascii=False)
-    if len(flat) <= MAX_LINE or not value or depth > DEEPEST or not isinstance(value, Mapping | list):
+    if len(flat) <= MAX_LINE or not value or depth > MAX_DEPTH or not isinstance(value, Mapping | list):
         return flat
     space = " " * depth
     if isinstance(value, list):
-        return "[\n" + ",\n".join(f"{space}{_laid_out(item, DEEPEST + 1)}" for item in value) + "]"
+        return "[\n" + ",\n".join(f"{space}{_laid_out(item, MAX_DEPTH + 1)}" for item in value) + "]"
     members = [f"{space}{json.dumps(key)}: {_laid_out(item, depth + 1)}" for key, item in value.items()]
     return "{\n" + ",\n".join(members) + "}"
 

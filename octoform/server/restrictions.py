@@ -29,7 +29,7 @@ MAX_SECONDS = 25 * 3600.0
 """Seconds beyond which no end is believed: octoform lets no claim hold longer than a day without a new reading."""
 SHOWN = 200
 
-Tell = Callable[[str, Mapping[str, Any]], None]
+Notify = Callable[[str, Mapping[str, Any]], None]
 """Hears an event's name and its fields, for the audit log."""
 
 
@@ -130,7 +130,7 @@ NOBODY_KNOWS = Entry("", "", (), "deny", "", None, "")
 """What a ledger states that cannot be read: what a person has forbidden for good is not done for want of a list."""
 
 
-def _untold(_event: str, _fields: Mapping[str, Any]) -> None:
+def _no_listener(_event: str, _fields: Mapping[str, Any]) -> None:
     """No one hears of it."""
 
 
@@ -149,7 +149,7 @@ class Restrictions:
     def __init__(
         self,
         path: Path | None = None,
-        notify: Tell = _untold,
+        notify: Notify = _no_listener,
         clock: Callable[[], float] | None = None,
         boot: str | None = None,
         ledger: Callable[[], tuple[Entry, ...] | None] = _unknown,

@@ -283,7 +283,7 @@ OUTPUT = record(
 )
 OUTPUTS = record("Outputs", device=TEXT, outputs=listing(OUTPUT))
 _VALUE = "in V, out_current in A, out_resistance in ohm"
-MOST, MAX_OHMS = 50, 1_000_000
+MAX_VALUE, MAX_OHMS = 50, 1_000_000
 """No converter gives more, in volts or amperes, and no potentiometer; each reports its own maximum."""
 
 
@@ -293,7 +293,7 @@ def _output(facts: Facts) -> dict[str, Schema]:
     )
     return {
         "channel": one_of("which output", names or ["out_voltage0"]),
-        "value": number(_VALUE, -MOST, MAX_OHMS if any("resistance" in name for name in names) else MOST),
+        "value": number(_VALUE, -MAX_VALUE, MAX_OHMS if any("resistance" in name for name in names) else MAX_VALUE),
     }
 
 

@@ -94,7 +94,7 @@ class OpenIncidents:
                 self._begin(finding, facts)
         for key, episode in list(self.memory.episodes.open.items()):
             is_known = within(episode.kind, episode.target) and not (
-                _untold(episode, facts) or self._hidden(episode, found)
+                _is_undetermined(episode, facts) or self._hidden(episode, found)
             )
             if key not in found and key not in held and is_known:
                 self._end(episode, facts)
@@ -200,7 +200,7 @@ class OpenIncidents:
             self.alert(outcome.value, episode.target, episode.summary, facts)
 
 
-def _untold(episode: Incident, facts: Facts) -> bool:
-    """True while no one can determine where the device of a problem is: what is not known has not ended."""
-    sighting = facts.devices.get(episode.target.removeprefix("device:"))
-    return sighting is not None and sighting.there is None
+def _is_undetermined(episode: Incident, facts: Facts) -> bool:
+    """True while the place of a problem's device is unknown: such a problem has not ended."""
+    seen = facts.devices.get(episode.target.removeprefix("device:"))
+    return seen is not None and seen.there is None

@@ -182,7 +182,7 @@ class Trying:
     tried: list[tuple[Incident, Try]] = field(default_factory=list)
     untouched: Untouched = field(init=False)
     probation: Probation = field(default_factory=Probation)
-    _stands: dict[str, HealthSnapshot] = field(default_factory=dict)
+    _before: dict[str, HealthSnapshot] = field(default_factory=dict)
     _entries: dict[str, Entry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
@@ -335,7 +335,7 @@ class Trying:
         if repair in AGENTS:
             self.untouched.begin()
         if repair is Repair.HEAL:
-            self._stands[finding.key] = self._health(facts)
+            self._before[finding.key] = self._health(facts)
         data = self._brief(finding, acting, repair, facts, causes)
         if isinstance(brief := data.get("brief"), dict):
             data["brief"] = {**brief, **left}
@@ -434,7 +434,7 @@ class Trying:
 
     def _heard(self, task: Task, said: Done, facts: Facts) -> Done:
         """What an agent's run came to; nothing where the daemon's own files were changed meanwhile."""
-        done, before = self.untouched.end(said), self._stands.pop(task.key, None)
+        done, before = self.untouched.end(said), self._before.pop(task.key, None)
         if task.finding is None or task.repair is not Repair.HEAL or not said.ok:
             return done
         if done.ok and before is not None:

@@ -90,9 +90,9 @@ class Supervisor:
         self._bench = bench
         self._view = view
         self._evidence = Evidence(ledger, ports.promised)
-        self._troubles = OpenIncidents(memory, ports.notify, ports.clock.uptime())
+        self._incidents = OpenIncidents(memory, ports.notify, ports.clock.uptime())
         word = float(settings.claim_seconds)
-        self._trying = Trying(ports, memory, self._troubles, self._evidence, bench, word, settings.apply)
+        self._trying = Trying(ports, memory, self._incidents, self._evidence, bench, word, settings.apply)
         self._post = Bulletin(memory, self._evidence, 3.0 * settings.interval)
         self._facts: Facts | None = None
         self._seen: Facts | None = None
@@ -146,7 +146,7 @@ class Supervisor:
             self._trying.conclude(ended, facts)
             repaired = any(item.task.finding is not None for item in ended)
             facts, findings = self._looked(AFTER if repaired else READ)
-        if not sampled and any(each.kind in BACK for each in self._troubles.ended):
+        if not sampled and any(each.kind in BACK for each in self._incidents.ended):
             self._sample(facts)
         return self._over(causes, facts, findings, begun, paused)
 
@@ -179,7 +179,7 @@ class Supervisor:
         before, facts = self._facts, self._seen or self._ports.look(causes)
         self._facts, self._seen = facts, None
         self._left_out |= bool(facts.put_off)
-        self._troubles.causes = causes
+        self._incidents.causes = causes
         self._ports.sources.follow(facts)
         self._evidence.seen(facts)
         self._evidence.ledger.expire()
@@ -196,13 +196,13 @@ class Supervisor:
         given_up = frozenset(each.key for each in self._memory.breakers.frozen())
         seen = replace(facts, busy=None) if ours else facts
         judged = judge(seen, before, self._memory.recall, readings, given_up)
-        self._trying.verdicts(self._troubles.present(judged, facts.uptime), facts, within)
+        self._trying.verdicts(self._incidents.present(judged, facts.uptime), facts, within)
         findings = tuple(
             each
-            for each in self._troubles.present(judged, facts.uptime)
-            if within(each.kind, each.target) and not self._troubles.is_being_ended(each, busy | self._trying.held())
+            for each in self._incidents.present(judged, facts.uptime)
+            if within(each.kind, each.target) and not self._incidents.is_being_ended(each, busy | self._trying.held())
         )
-        self._troubles.settle(findings, facts, busy | self._trying.held(), within)
+        self._incidents.settle(findings, facts, busy | self._trying.held(), within)
         self._memory.breakers.forgive(facts.uptime)
         return facts, findings
 
@@ -215,7 +215,7 @@ class Supervisor:
         paused: str | None,
     ) -> Cycle:
         health = self._post(facts, self._waits.why, paused, self._ports.promised())
-        opened, ended = self._troubles.taken()
+        opened, ended = self._incidents.taken()
         tried, self._trying.tried = tuple(self._trying.tried), []
         problems = (*self._memory.shelf.new_diagnostics(), *self._evidence.ledger.new_diagnostics())
         due = min(self._waits.due, default=None)
@@ -258,7 +258,7 @@ class Supervisor:
             self.report(refused(problem, layout.daemon / instance_lock.ASKED))
             return
         for target in targets:
-            self._troubles.reopen(target)
+            self._incidents.reopen(target)
 
     def _next_causes(self) -> frozenset[Cause]:
         """Wait for the next reason for a check cycle; none when there is nothing to be done after all."""

@@ -19,7 +19,7 @@ from octoform.base.files import remove_tree
 from octoform.daemon.model import Done
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.process.log_rotation import archives, drop
-from octoform.endpoint.process.log_rotation import rotate as set_aside
+from octoform.endpoint.process.log_rotation import rotate as rotate_log
 from octoform.endpoint.published_files import read_manifest
 from octoform.state.files import mount_point
 from octoform.state.layout import Layout
@@ -95,7 +95,7 @@ def rotate(layout: Layout, name: str) -> Done:
     if path.is_symlink():
         return Done(False, f"{path.name} is a link, which is left alone", again=False)
     try:
-        size = set_aside(path, held_open=path == layout.server_log)
+        size = rotate_log(path, held_open=path == layout.server_log)
     except FileNotFoundError:
         return Done(True, f"there is no {path.name}")
     except OSError as problem:

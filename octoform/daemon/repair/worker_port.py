@@ -60,7 +60,7 @@ class Workers:
                 return _failed(f"{job}: the daemon is being stopped")
             why = self._waited(process, seconds)
             if why is not None:
-                return _untold(f"{job}: {why}")
+                return _lost(f"{job}: {why}")
             return _result(job, process.returncode, _head(out), _head(err))
 
     def end(self) -> None:
@@ -128,10 +128,10 @@ def _result(job: str, status: int, out: str, err: str) -> dict[str, Any]:
         found = parse(last)
         if isinstance(found, dict):
             return found
-    return _untold(f"{job}: the child ended with status {status} and without a result: {err.strip()[-SAID_LIMIT:]}")
+    return _lost(f"{job}: the child ended with status {status} and without a result: {err.strip()[-SAID_LIMIT:]}")
 
 
-def _untold(detail: str) -> dict[str, Any]:
+def _lost(detail: str) -> dict[str, Any]:
     return {**_failed(detail), "untold": True}
 
 

@@ -13,7 +13,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.containment.agent_environment import is_secret
 from octoform.harness.event_parser import count, field, json_object, one_line
-from octoform.harness.event_parser import problem as trouble
+from octoform.harness.event_parser import problem as model_problem
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.llm.route import Route, route, unusable
 from octoform.harness.port import (
@@ -131,7 +131,7 @@ class ReactDialect:
             case "alive":
                 yield Replying()
             case "trouble":
-                yield trouble(text, count(value, "status"), final=field(value, "final") is True)
+                yield model_problem(text, count(value, "status"), final=field(value, "final") is True)
             case "closed":
                 yield Closed(field(value, "ok") is True, text)
 

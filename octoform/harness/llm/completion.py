@@ -21,7 +21,7 @@ from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
 from octoform.harness.event_parser import count, json_object, one_line
 from octoform.harness.event_parser import field as at
-from octoform.harness.event_parser import problem as trouble
+from octoform.harness.event_parser import problem as model_problem
 from octoform.harness.llm.client import BACKOFF_SECONDS, SETTINGS
 from octoform.harness.llm.route import HARNESS, Route, route
 from octoform.harness.port import Excerpt, ExitReason, Usage
@@ -113,7 +113,7 @@ class LiteLLMCompletion:
         if value is None:
             return _failed(f"its process ended without an answer after {seconds:.0f} s (status {ended.status})")
         if at(value, "failed") is not None:
-            found = trouble(one_line(at(value, "failed")), count(value, "status"))
+            found = model_problem(one_line(at(value, "failed")), count(value, "status"))
             return _failed(f"{_WORDS.get(found.reason, 'the request failed')}: {found.text}")
         text = str(at(value, "text") or "").strip()
         if not text:

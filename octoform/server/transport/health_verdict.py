@@ -33,13 +33,13 @@ class Verdict:
     def __init__(self, folder: Path, instance: str, latched: Callable[[], bool], lacks: Callable[[], bool]) -> None:
         self._folder = folder
         self._instance = instance
-        self._latched = latched
+        self._is_engaged = latched
         self._lacks = lacks
         self._known: tuple[float, bool, str] | None = None
 
     def __call__(self) -> str:
         """``healthy``, ``unknown``, ``degraded``, ``error`` or ``down``."""
-        now, latched = time.monotonic(), self._latched()
+        now, latched = time.monotonic(), self._is_engaged()
         if self._known is None or now - self._known[0] >= SECONDS or self._known[1] is not latched:
             own = DEGRADED if latched or self._lacks() else HEALTHY
             self._known = (now, latched, max(own, self._of_daemon(engaged=latched), key=ORDER.index))

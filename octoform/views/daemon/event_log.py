@@ -181,12 +181,12 @@ class Objects:
         for episode in self._standing.fresh(made):
             text = f"{episode.target}: {episode.outcome}"
             emit("needs_person", text, level="error", episode=episode_json(episode), hint=episode.hint)
-        self._tell_health(made)
+        self._print_health(made)
 
     def end(self) -> None:
         """Nothing is left to be shown."""
 
-    def _tell_health(self, made: Cycle) -> None:
+    def _print_health(self, made: Cycle) -> None:
         health = made.health
         if health is None:
             return

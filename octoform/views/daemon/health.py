@@ -218,12 +218,12 @@ def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
         since = clock(found.watched.since, now)
         yield f"  watched by process {found.watched.process.pid} since {since}; last look {length(found.age)} ago"
     for each in found.untold:
-        yield from _wrapped(console, "  ", _untold(each, now))
+        yield from _wrapped(console, "  ", _failing_text(each, now))
     if found.untold:
         yield f"  octoform explain {UNTOLD}  what can be done about that"
 
 
-def _untold(each: Failing, now: datetime) -> str:
+def _failing_text(each: Failing, now: datetime) -> str:
     """A way of telling that fails."""
     lost = counted(each.lost, "message")
     return f"no one was notified by the {each.way} since {clock(each.since, now)} ({lost} lost): {each.why}"

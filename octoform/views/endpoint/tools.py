@@ -111,7 +111,7 @@ class Attended:
         self._approved = approved
         self._clock = clock
         self._began = clock()
-        self._shown = 0
+        self._width = 0
 
     def waiting(self) -> None:
         """Report a start that takes its time."""
@@ -149,16 +149,16 @@ class Attended:
 
     def clear(self) -> None:
         """Take the moving line away."""
-        if self._shown:
+        if self._width:
             self._draw("")
             self._console.err.write("\r")
             self._console.err.flush()
 
     def _draw(self, text: str) -> None:
         # Overwritten with blanks, which every terminal understands.
-        self._console.err.write("\r" + text.ljust(self._shown))
+        self._console.err.write("\r" + text.ljust(self._width))
         self._console.err.flush()
-        self._shown = len(text)
+        self._width = len(text)
 
 
 @contextmanager

@@ -229,7 +229,7 @@ def test_what_a_person_lets_try_again_during_a_repair_leaves_no_entry_without_a_
     world = DaemonWorld(tmp_path)
 
     def asks(world: DaemonWorld, finding: Finding) -> Done:
-        world.supervisor._troubles.reopen("*")
+        world.supervisor._incidents.reopen("*")
         return Done(False, "no", again=False)
 
     world.mends[Repair.RESTORE] = asks
