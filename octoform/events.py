@@ -116,7 +116,7 @@ class NodeAccepted(Event):
 
 @dataclass(frozen=True, slots=True)
 class NodeUnchanged(Event):
-    """Nothing had to run: early cutoff, or the accepted artifact verified again."""
+    """A node without work: early cutoff, or the accepted artifact verified again."""
 
     reason: str
 

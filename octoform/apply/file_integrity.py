@@ -1,4 +1,4 @@
-"""What an agent may not touch: the manifest, specs, profiles and accepted artifacts are compared after every attempt.
+"""Protects files from agents: the manifest, specs, profiles and accepted artifacts are compared after every attempt.
 
 An agent has one folder and one file to write. A change of anything else that octoform answers for is undone and fails
 the attempt, by name; so is a new file where one would be read as instruction. Other new or changed files in the
@@ -28,7 +28,7 @@ _HANDLE = getattr(os, "O_PATH", os.O_RDONLY) | os.O_DIRECTORY | os.O_NOFOLLOW | 
 
 @dataclass(frozen=True, slots=True)
 class _There:
-    """What lies at a path: a plain file with bytes and mode, a link with its target, something else, or what is closed.
+    """The content of a path: a plain file with bytes and mode, a link with its target, something else, or unreadable.
 
     What is closed lies where this user may not look. ``owner`` is the user and the group of a file.
     """
@@ -41,7 +41,7 @@ class _There:
 
 @dataclass(frozen=True, slots=True)
 class Guarded:
-    """What is to be as it was: files and whole folders, none of which need exist.
+    """The guarded paths: files and whole folders, none of which need exist.
 
     No folder of ``rooms`` may get another entry, and none of ``starts`` another file that an interpreter runs at its
     start; an entry in ``home`` is reported, and a change of a file of ``noted``. What is ``installed``, a file or a
@@ -82,7 +82,7 @@ class _Held:
 
 @dataclass(frozen=True, slots=True)
 class Watch:
-    """What lies at the guarded paths (None: nothing) and what else lay in the project, by size and time.
+    """The content of the guarded paths (None: nothing) and the project's other files, by size and time.
 
     ``real`` are the folders at and above the guarded paths that were no links; every path below ``folders`` that is in
     neither of both was not there. None of ``ways``, which lead to the guarded paths, was a link. ``held`` are the
@@ -219,7 +219,7 @@ def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> li
 
 @contextlib.contextmanager
 def _undoing(watch: Watch, path: Path, found: list[Diagnostic]) -> Iterator[None]:
-    """What the system refuses at one path is reported, and keeps no one from undoing the rest."""
+    """Report a refusal of the system at one path, and go on with the rest."""
     try:
         yield
     except OSError as problem:
@@ -332,7 +332,7 @@ def _new(watch: Watch, folder: Path, undone: Path) -> list[Diagnostic]:
 
 
 def _bounded(found: list[Diagnostic]) -> list[Diagnostic]:
-    """What a person reads of thousands of files: the first ones, and the number of the rest."""
+    """A bounded report on thousands of files: the first ones, and the number of the rest."""
     more = [item for item in found if item.code != NOT_UNDONE][_MAX_UNDONE:]
     if not more:
         return found
@@ -356,7 +356,7 @@ def _shared(path: Path) -> Diagnostic:
 
 
 def _keep(watch: Watch, path: Path, undone: Path) -> Path | None:
-    """What has become of a file, out of its place; None when nothing can be kept of it, or there is no room.
+    """Keep a changed file away from its place; None when nothing can be kept of it, or there is no room.
 
     A folder is moved, so that nothing of a person's is lost; a link is recorded as a file with its target.
     """

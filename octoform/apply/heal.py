@@ -167,7 +167,7 @@ class Case:
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What an agent proposes: its output, and the text of the server where it rewrote that."""
+    """An agent's proposal: its output, and the text of the server where it rewrote that."""
 
     value: dict[str, Any]
     server: str | None
@@ -304,7 +304,7 @@ def _given(context: Context, case: Case, brief: Mapping[str, Any]) -> Given:
 
 
 def _packages(deploy: Mapping[str, Any]) -> dict[str, Any]:
-    """What DEPLOY decided on, and what it found must not be installed together."""
+    """DEPLOY's packages, and those that it found to be incompatible."""
     packages = [{"name": item["name"], "version": item["version"]} for item in deploy.get("requirements") or ()]
     return {
         "packages": duty_input.plain(packages),

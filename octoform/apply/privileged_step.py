@@ -47,7 +47,7 @@ PICTURES = "pictures"
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """What an agent proposes: the artifact, and the text of the server where it rewrote that."""
+    """An agent's proposal: the artifact, and the text of the server where it rewrote that."""
 
     value: dict[str, Any]
     server: str | None
@@ -120,7 +120,7 @@ def carried_out(context: Context, step: Step, bench: Bench, value: Mapping[str, 
 
 
 def describe(step: Step, tried: Tried) -> str:
-    """What a test showed, on one line: the readings, the differences of the pictures, or why there is nothing."""
+    """The result of a test, on one line: the readings, the differences of the pictures, or why there is nothing."""
     if has_errors(tried.found):
         return next(item.summary for item in tried.found if item.severity == "error")
     if tried.moved is not None and tried.returned is not None:
@@ -173,7 +173,7 @@ def _accepted(context: Context, step: Step, proposal: Proposal, tried: list[Trie
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What a step stands on: its facts for the rules, the one device (None where nothing moves), what there is to see.
+    """The preconditions of a step: its facts for the rules, the one device (None where nothing moves), the cameras.
 
     ``known`` are the accepted artifacts.
     """
@@ -206,7 +206,7 @@ def run_step(context: Context, node: str) -> Finished:
 
 
 def _ground(context: Context, step: Step) -> tuple[Ground, Diagnostic | None]:
-    """What the step stands on, and why it does not run on it: a warning skips it, an error refuses it."""
+    """The step's preconditions, and why it does not run: a warning skips it, an error refuses it."""
     known = artifacts(context, step.node, None)
     ledger, _ = read_instances(context.layout)
     hint = context.manifest.camera_hint().get("perception.camera")
@@ -291,7 +291,7 @@ def _assignment(context: Context, ground: Ground) -> Assignment:
 
 
 def _input(ground: Ground) -> dict[str, Any]:
-    """What the agent reads beside its spec."""
+    """The agent's input file."""
     step, identify = ground.step, ground.known.identify or {"devices": []}
     proof = {"kind": step.proof.kind, "minimum": step.proof.minimum, "unit": step.proof.unit}
     return {

@@ -85,7 +85,7 @@ def names_in(room: Path, counts: Callable[[str], bool] = is_entry) -> frozenset[
 
 
 def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
-    """What the links at a path, and those in a folder there, lead to: many people keep such files in a repository.
+    """The targets of the links at a path, and of those in a folder there: many people keep such files in a repository.
 
     Not a folder that holds one of ``whole``, nor one that is too large.
     """

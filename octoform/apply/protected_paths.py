@@ -163,7 +163,7 @@ class Places:
 
 
 def sources(context: Context) -> Places:
-    """What octoform itself never writes while it judges an output, so that a difference is another's."""
+    """The files that octoform never writes while it judges an output, so that a change is another's."""
     layout, manifest = context.layout, context.manifest
     project = layout.project
     written = [manifest.path, *manifest.profile_files, *(spec.path for spec in context.specs.values())]
@@ -219,7 +219,7 @@ def _others(layout: Layout) -> Iterator[Layout]:
 
 
 def _git(folder: Path) -> Places:
-    """What git goes by in a working tree's own folder, in the one it shares, and in those of the others and submodules.
+    """The files that git obeys in a working tree's own folder, in its shared one, and in others' and submodules'.
 
     Not what a commit or a fetch of the person's moves: references, the index.
     """
@@ -247,7 +247,7 @@ def _modules(folder: Path) -> list[Path]:
 
 
 def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
-    """What an interpreter that serves reads at its start, and the folders from which it imports by name."""
+    """The files that a serving interpreter reads at its start, and the folders of its imports."""
     manifest = read_manifest(layout) or {}
     named = (manifest.get("environment"), manifest.get("previous_environment"))
     started, packages = [], []
@@ -258,7 +258,7 @@ def _environments(layout: Layout) -> tuple[list[Path], list[Path]]:
 
 
 def _read_at_start(prefix: Path, packages: Path) -> list[Path]:
-    """What an interpreter below ``prefix`` goes by before it runs anything."""
+    """The files that an interpreter below ``prefix`` reads before it runs anything."""
     links = (path for path in sorted((prefix / "bin").glob("python*")) if path.is_symlink())
     named = (packages / name for name in sorted(names_in(packages)) if name.endswith((".pth", ".py")))
     return [*_within(prefix, _STARTS), *links, *named]
@@ -271,7 +271,7 @@ def of_octoform() -> Places:
 
 
 def _around(layout: Layout) -> Iterator[Path]:
-    """What git and the package tool look for in a folder and in those above it, up to the root."""
+    """The files that git and the package tool look for in a folder and in those above it, up to the root."""
     project = layout.project
     found = repository(project)
     for place in (project, *project.parents):
@@ -328,7 +328,7 @@ def starts(environ: Mapping[str, str]) -> list[Path]:
 
 
 def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
-    """What systemd reads beside the host's units: what is added to them, and what variables they start with."""
+    """The files that systemd reads beside the host's units: drop-ins and environment files."""
     for path in (unit_path(layout, environ), watch_path(layout, environ)):
         yield path.with_name(f"{path.name}.d")
         yield path.with_name("service.d")
@@ -349,7 +349,7 @@ UNDONE = "undone"
 
 @dataclass(frozen=True, slots=True)
 class Guard:
-    """What lay there when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
+    """The protected paths when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
 
     ``specs`` are those that come with octoform, ``installation`` identifies one installation of it.
     ``crontab`` lists what is run for the person by the clock, ``scheduled`` is what that was.
@@ -417,7 +417,7 @@ def begin(context: Context, task: Task) -> Guard:
 
 
 def _crontab(environ: Mapping[str, str]) -> bytes:
-    """What cron runs for this user; empty where there is none, or no cron."""
+    """The user's crontab; empty where there is none, or no cron."""
     program = shutil.which("crontab", path=environ.get("PATH"))
     if program is None:
         return b""
@@ -458,7 +458,7 @@ def _begun(
 
 
 def _at_work(project: Path, own: str) -> tuple[Path, ...]:
-    """What belongs to other hosts of this folder that a run or a daemon is changing right now."""
+    """The files of other hosts of this folder that a run or a daemon is changing now."""
     others = [Layout(project, path.parent.name) for path in (project / ".octoform").glob("*/lock.guard")]
     busy = [other for other in others if other.host != own and (is_locked(other) or _daemon(other) is None)]
     return tuple(place for other in busy for place in (other.committed, other.local))
@@ -471,7 +471,7 @@ def _installed(context: Context) -> frozenset[Path]:
 
 
 def _installation() -> object:
-    """What another version of octoform would change: its package's own files, the record of its install, the commit."""
+    """The identity of an installation of octoform: its package's own files, the record of its install, the commit."""
     own = Path(octoform.__file__)
     files = (own, *sorted(own.parents[1].glob("octoform-*.dist-info/RECORD")))
     try:

@@ -26,7 +26,7 @@ Trial = Mapping[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class Bench:
-    """What all tests of a step share: the proof, the hand, the tools of INTERFACE by name, the run's clock.
+    """The shared parts of a step's tests: the proof, the tool client, the tools of INTERFACE by name, the run's clock.
 
     ``folder`` is where pictures are kept.
     """
@@ -40,7 +40,7 @@ class Bench:
 
 @dataclass(slots=True)
 class Tried:
-    """What one test showed. Readings are in the proof's unit; ``readings`` are [seconds since the test began, value].
+    """The result of one test. Readings are in the proof's unit; ``readings`` are [seconds since the test began, value].
 
     ``noise``, ``moved`` and ``returned`` are differences of pictures: of two before the move, of the one after it and
     of the one after the way back, each from the second before. ``again``: it was tried a second time. ``restored``:
@@ -100,7 +100,7 @@ class Mover:
         return self.bench.clock.monotonic() - self.began
 
     def values(self) -> list[float]:
-        """What the varied parameter may be set to, the direction with more room first; empty where there is none."""
+        """The values for the varied parameter, the direction with more room first; empty where there is none."""
         low, high, whole = bounds(self.bench.tools[self.move["tool"]], self.move["vary"])
         least = self.bench.proof.minimum if self.bench.proof.kind == "reading" else 0.0
         by = float(self.move["by"])

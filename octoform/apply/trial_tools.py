@@ -1,4 +1,4 @@
-"""What a test may do with the hardware: call a tool of the live endpoint, and look at what it moves.
+"""The hardware access of a test: calls of the live endpoint's tools, and pictures.
 
 Both go through the endpoint as any client's calls do, so that policy, limits, emergency stop and audit hold for them.
 The person who switched the step on in the manifest has approved its movements; nothing else is agreed to.
@@ -20,7 +20,7 @@ CALL_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class ToolAnswer:
-    """What came of a call: the structured result, or in ``words`` why there is none.
+    """The result of a call: the structured result, or in ``words`` why there is none.
 
     ``refused``: the endpoint did not let it through (policy, limit, emergency stop, an argument that does not fit).
     ``over``: no further call can do better, because the endpoint does not answer or the emergency stop is engaged.

@@ -38,7 +38,7 @@ ALL = "endpoint"
 
 @dataclass(frozen=True, slots=True)
 class Given:
-    """What an agent gets: the input as a value, files beside it, what putting it together has cost.
+    """An agent's input: the value, the files beside it, and the cost of preparing it.
 
     ``calls`` is how often it may be asked, however much its budget allows; None: as often as that.
     """
@@ -140,7 +140,7 @@ def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Give
 
 
 def _prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> Verdict:
-    """Nothing has to be run: the contract has checked all."""
+    """The proof of a report: nothing is run, since the contract has checked all."""
     return Verdict(
         diagnostics=tuple(found),
         value=value,

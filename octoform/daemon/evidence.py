@@ -74,7 +74,7 @@ class Evidence:
         return min(times, default=None)
 
     def brief(self, finding: Finding, causes: Iterable[Cause], memory: Memory, facts: Facts) -> dict[str, Any]:
-        """What WATCH is asked with; ``memory`` has what triage knows and the last report, and notes the question."""
+        """The input of WATCH; ``memory`` has what triage knows and the last report, and notes the question."""
         # Stamps of a clock that was set back since then cannot be compared: then the log counts as a whole.
         before = memory.report
         since = before.asked if before.asked <= facts.stamp else ""
@@ -91,7 +91,7 @@ class Evidence:
         }
 
     def healing(self, finding: Finding, episode: str, memory: Memory) -> dict[str, Any]:
-        """What HEAL is asked with: one error of WATCH's, or what triage made of it where WATCH was not asked."""
+        """The input of HEAL: one error of WATCH's, or triage's finding where WATCH did not run."""
         failures = self._failures(memory.recall)
         error = finding.data.get("error")
         if not isinstance(error, Mapping):

@@ -37,11 +37,11 @@ class ProblemLike(Protocol):
 
     @property
     def kind(self) -> Kind:
-        """What it is."""
+        """The kind of the problem."""
 
     @property
     def target(self) -> str:
-        """Whom it concerns."""
+        """The device, tool or process that the problem is about."""
 
     @property
     def summary(self) -> str:
@@ -81,7 +81,7 @@ class Health:
     pending: tuple[str, ...] = ()
 
     def as_json(self) -> dict[str, Any]:
-        """What daemon/health.json holds."""
+        """The content of daemon/health.json."""
         return {
             "format": FORMAT,
             "host": self.host,
@@ -221,7 +221,7 @@ def snapshot(
     tools: Iterable[str] = (),
     failing: Mapping[str, int] | None = None,
 ) -> HealthSnapshot:
-    """What `worse` compares. ``tools`` are those that the endpoint lists; ``failing`` from `Recall.failing`."""
+    """The health that `worse` compares. ``tools`` are the endpoint's; ``failing`` from `Recall.failing`."""
     given = list(readings)
     return HealthSnapshot(
         facts.process is not None,

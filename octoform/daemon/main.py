@@ -120,7 +120,7 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
 
 
 def _claims(wanted: Wanted) -> Settings:
-    """What the ledger is given; while somebody works on the host no other process may change it."""
+    """The settings for the ledger; no other process may change it while work on the host goes on."""
     found = settings_of(wanted.layout, float(wanted.daemon.claim_seconds), wanted.bounds)
     return replace(found, shut=lambda: busy(wanted.layout) is not None)
 
@@ -267,7 +267,7 @@ def watch(
 
 
 class _Stopping:
-    """What a signal means to the loop, whichever one runs."""
+    """The effect of a signal on the running loop."""
 
     def __init__(self) -> None:
         self.number: int | None = None
@@ -344,7 +344,7 @@ class _WatchedView:
 
 
 def _log_entries(made: Cycle) -> Iterator[dict[str, object]]:
-    """What one check cycle noticed, began, tried and saw the end of, as lines of the execution log."""
+    """The events of one check cycle as lines of the execution log."""
     fields = {"time": made.facts.stamp, "from": "daemon"}
     for episode in made.opened:
         yield {"event": "noticed", **fields, "target": episode.target, "summary": episode.summary}

@@ -27,7 +27,7 @@ Tally: TypeAlias = "Counter[tuple[str, ...]]"
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """What is counted. ``episodes`` are all that are kept, ``frozen`` counts breakers.
+    """The counted values. ``episodes`` are all that are kept, ``frozen`` counts breakers.
 
     ``now`` is the wall clock's epoch, ``untold`` counts messages that reached no one.
     """
@@ -59,7 +59,7 @@ def render(picture: Picture) -> bytes:
 
 
 class _Collector:
-    """What the library asks for the numbers."""
+    """The collector that the metrics library calls."""
 
     def __init__(self, picture: Picture) -> None:
         self._picture = picture

@@ -1,4 +1,4 @@
-"""What the daemon sees, finds, does and remembers, as values. Light: nothing here opens a file or reads a clock.
+"""The values of the daemon: facts, findings, repairs, memory. Light: nothing here opens a file or reads a clock.
 
 One check cycle is always the same: *facts* are looked at, *findings* are judged from them, each finding has at most one
 *repair*, and what a repair was worth is seen from the next facts, never from its own word. All check cycles of one
@@ -83,7 +83,7 @@ class Kind(StrEnum):
 
 
 class Repair(StrEnum):
-    """What is done about a finding; a closed list. ``person`` means that nothing is, and that it is escalated."""
+    """The repairs of a finding; a closed list. ``person`` means that nothing is, and that it is escalated."""
 
     NONE = "none"
     RESTART = "restart"
@@ -168,7 +168,7 @@ class Facts:
     host: str
     applied: bool = True
     destroyed: bool = False
-    """Nothing is applied, and the state states the same: no endpoint was lost."""
+    """True when the state confirms that nothing is applied, so that no endpoint was lost."""
     busy: str | None = None
     stopped_by: str | None = None
     process: Running | None = None
@@ -217,7 +217,7 @@ class Finding:
 
     @property
     def key(self) -> str:
-        """What breakers count by: target, class and a digest of the evidence."""
+        """The key of a retry budget: target, class and a digest of the evidence."""
         return f"{self.target} {self.fault} {short(of_value(list(self.evidence)))}"
 
     @property
@@ -228,7 +228,7 @@ class Finding:
 
 @dataclass(frozen=True, slots=True)
 class Spent:
-    """What agents cost: calls as a count, tokens, US dollars (None is unknown)."""
+    """The cost of agents: calls as a count, tokens, US dollars (None is unknown)."""
 
     calls: int = 0
     input_tokens: int = 0
@@ -238,7 +238,7 @@ class Spent:
 
 @dataclass(frozen=True, slots=True)
 class Done:
-    """What became of one try. ``ok`` is the repair's own word; whether it helped is seen from the next facts.
+    """The result of one try. ``ok`` is reported by the repair; whether it helped is seen from the next facts.
 
     ``again`` False: no further try of this repair can help (a person is needed). ``findings`` is what WATCH made of the
     evidence, to be judged like any other. ``report`` is the agent's accepted report as it stands (WATCH's and HEAL's
@@ -258,7 +258,7 @@ class Done:
 
 @dataclass(frozen=True, slots=True)
 class Alert:
-    """What a person is notified: an incident that opened, was repaired, froze, or waits for them."""
+    """An alert to a person: an incident that opened, was repaired, froze, or waits for them."""
 
     event: str
     """One of ``opened``, ``repaired``, ``cleared``, ``frozen``, ``surfaced``, ``confirm``, ``asks``."""

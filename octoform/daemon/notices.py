@@ -1,4 +1,4 @@
-"""Who hears of an incident: a program, a webhook, the desktop. None of them can hold the daemon up.
+"""Delivers alerts to a program, a webhook or the desktop; none of them can block the daemon.
 
 Each way has its own queue and its own thread, and every message is carried by a child process with a time limit: a
 slow name server or a program that hangs costs that child and nothing else, and the libraries that a POST needs never
@@ -58,7 +58,7 @@ Wait = Callable[[float], bool]
 
 
 def document_of(alert: Alert) -> dict[str, object]:
-    """What a program gets on its standard input and a webhook as its body; all texts are escaped."""
+    """The document on a program's standard input or in a webhook's body; all texts are escaped."""
     fields = {name: escaped(str(value)) for name, value in asdict(alert).items()}
     return {"format": FORMAT, "octoform": "alert", **fields}
 
@@ -331,7 +331,7 @@ _BY_HAND = {
 
 
 def advice(kind: Kind, target: str) -> str:
-    """What to do once it was given up, with the command."""
+    """The remedy for a problem that gave up, with the command."""
     return _BY_HAND.get(kind) or f"fix the cause, then: octoform heal -retry {target}"
 
 

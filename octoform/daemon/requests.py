@@ -1,4 +1,4 @@
-"""What a person may ask of a daemon: to try again what was given up. Light."""
+"""A person's requests to the daemon: to retry repairs that gave up. Light."""
 
 import os
 import pwd
@@ -29,7 +29,7 @@ ALL = "all"
 
 @dataclass(frozen=True, slots=True)
 class GivenUp:
-    """What waits for a person: problems that last and were given up, and the targets of all that last."""
+    """Problems that wait for a person: those that last and gave up, and the targets of all that last."""
 
     frozen: tuple[Backoff, ...] = ()
     targets: tuple[str, ...] = ()
@@ -39,7 +39,7 @@ class GivenUp:
 
 
 def given_up(layout: Layout) -> GivenUp:
-    """What the daemon, or the last one, gave up."""
+    """The problems that the daemon, or the last one, gave up."""
     if not layout.daemon.is_dir():
         return GivenUp()
     shelf = Shelf(layout)
@@ -103,7 +103,7 @@ def everything(ledger: Ledger, *, over: bool) -> list[Claim]:
 
 
 def person() -> str:
-    """Who sits there: the account's name, or its number."""
+    """The user at the terminal: the account's name, or its number."""
     try:
         return pwd.getpwuid(os.getuid()).pw_name
     except KeyError:

@@ -1,4 +1,4 @@
-"""What ought to report, and what does: health needs it, and an agent is informed of it."""
+"""Expected and present signals, for health and for the input of agents."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
@@ -135,7 +135,7 @@ def _missing(latest: Mapping[Signal, Reading], expected: Iterable[Signal]) -> It
 
 @dataclass(frozen=True, slots=True)
 class _Wanted:
-    """What there is to be read: tools by name that clients are shown, when they were made, the camera looked through.
+    """The signals to be read: tools by name that clients are shown, when they were made, the camera looked through.
 
     ``newest`` is the stamp of the last reading by channel and source. Which tools there are is not known without any.
     """
@@ -191,7 +191,7 @@ def measured(readings: Iterable[Reading], of: Callable[[Signal], Iterable[Readin
 
 
 def unread(promised: Iterable[Signal], readings: Iterable[Reading], since: float) -> list[Silence]:
-    """What is promised and was not read since ``since`` (uptime in seconds), whatever a former reading was.
+    """The promised signals that were not read since ``since`` (uptime in seconds), whatever a former reading was.
 
     A promise has no path: it is all that its source reports; without a source, any of its channel.
     """

@@ -88,7 +88,7 @@ class Survey:
 
 @dataclass(frozen=True, slots=True)
 class _Known:
-    """What the daemon left or keeps, as far as it could be read."""
+    """The daemon's stored records, as far as they could be read."""
 
     shelf: Shelf
     episodes: list[Incident] = field(default_factory=list)
@@ -138,7 +138,7 @@ def _known(layout: Layout) -> _Known:
 
 
 def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float, dict[str, str]] | None:
-    """What the living daemon wrote last, its age in seconds, and why repairs wait; None where it is not fresh."""
+    """The living daemon's last status, its age in seconds, and why repairs wait; None where it is not fresh."""
     data, _ = read_regular(layout.daemon / FILE, _LIMIT)
     try:
         document = parse(data or b"")
@@ -239,7 +239,7 @@ def _of_episode(episode: Incident, known: _Known, waits: str) -> OpenProblem:
 
 
 def _of_the_world(kind: Kind) -> str:
-    """What only hands can do."""
+    """The manual remedy of a problem."""
     return "put it back" if kind is Kind.DEVICE_GONE else ""
 
 

@@ -1,4 +1,4 @@
-"""What the daemon knows, written down for everybody who asks: health, with what waits and what is given up. Light."""
+"""The daemon's status file: health, with what waits and what gave up. Light."""
 
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
@@ -18,7 +18,7 @@ FRESH_SECONDS = 60.0
 
 
 def basis(facts: Facts) -> dict[str, Any]:
-    """What anyone sees at once and for certain: a record of health that it contradicts is not believed."""
+    """The facts that any process can check: a record of health that it contradicts is not believed."""
     instance = facts.process.instance if facts.process is not None else None
     return {"instance": instance, "stopped": facts.stopped_by is not None, "latched": facts.latched}
 
@@ -65,13 +65,13 @@ class Bulletin:
         return health
 
     def _withdraw(self) -> None:
-        """What cannot be replaced must not be taken for how things are; nothing is better than what was."""
+        """Remove a status file that cannot be replaced: no status is better than an old one."""
         with suppress(OSError):  # the next reader sees that the disk refuses this too
             self.memory.shelf.path(FILE).unlink(missing_ok=True)
         self.memory.shelf.wrote(FILE)
 
     def _expected(self, known: list[Reading]) -> frozenset[Signal]:
-        """What measured something since this daemon began, or as far back as the ledger remembers each signal."""
+        """The signals with a value since this daemon began, or as far back as the ledger remembers each signal."""
         fresh = [reading for reading in known if reading.signal not in self._measured]
         self._measured |= measured(fresh, self.evidence.ledger.readings_of)
         return self._measured & {reading.signal for reading in known}

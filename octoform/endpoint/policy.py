@@ -153,7 +153,7 @@ def _range_source(found: Range) -> str:
 FORMAT = 1
 INTERFACE = "the interface of the tool"
 LINE = "it can write to a line without a profile"
-"""Whose decision it is that a person is asked, whatever the effect: no one knows what such a device does."""
+"""The origin of a rule that asks a person whatever the effect: the device's behaviour is unknown."""
 Holding = Sequence["tuple[Profile, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""
 Places = Mapping[Place, Range]

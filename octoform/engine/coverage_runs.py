@@ -313,7 +313,7 @@ def known_sum(values: Iterable[Number | None]) -> Number | None:
 
 
 def agent_of(item: Attempt) -> str:
-    """Who worked: ``pi, openai/x``, or that an output was reused."""
+    """The agent of an attempt: ``pi, openai/x``, or that an output was reused."""
     if item.facts.role == REUSE:
         return "reused"
     return f"{item.facts.harness}, {item.facts.model}" if item.facts.model else item.facts.harness

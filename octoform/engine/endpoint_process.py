@@ -149,7 +149,7 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
 
 
 def missing(unit: Unit) -> Diagnostic | None:
-    """That there is nothing yet which the unit could start for long, or only what would start another's endpoint."""
+    """A diagnostic when the unit could start no endpoint, or only that of another user; else None."""
     if (unit.layout.endpoint / LAUNCHER).is_file():
         return of_another(unit.layout) or _temporary()
     hint = "run octoform apply, which builds it"
@@ -157,7 +157,7 @@ def missing(unit: Unit) -> Diagnostic | None:
 
 
 def _temporary() -> Diagnostic | None:
-    """That the daemon's unit would name a program which is gone as soon as a cache is cleaned."""
+    """A diagnostic when the daemon's unit would name a program below a cache; else None."""
     if systemd.stays(os.environ):
         return None
     hint = (

@@ -29,7 +29,7 @@ from octoform.state.layout import Layout
 PERCEIVE = "step.perceive"
 _STAGES = ("probe", "identify", "interface")
 REPEAT_SECONDS = 2.0
-"""Between the pictures that show whether a camera is frozen, once it gave the same one twice."""
+"""Seconds between the pictures that show whether a camera is frozen, once it gave the same one twice."""
 Take = Callable[[Layout, Mapping[str, Any], Person | None], Taken | Diagnostic]
 
 

@@ -69,7 +69,7 @@ def reset_limits(project: Path, environ: Environ, tool: str) -> list[Diagnostic]
 
 
 def person() -> str:
-    """Who is at the terminal, for the audit log."""
+    """The user at the terminal, for the audit log."""
     try:
         return f"{pwd.getpwuid(os.getuid()).pw_name} at the terminal"
     except KeyError:  # a user id without a name, as in containers

@@ -32,7 +32,7 @@ class NodeKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Agent:
-    """Who does a stage: a harness, and its model where it uses one (reference unresolved)."""
+    """The agent of a stage: a harness, and its model where it uses one (reference unresolved)."""
 
     harness: str
     model: str | None = None

@@ -20,7 +20,7 @@ Fetch = Callable[[str, Path], str | None]
 
 @dataclass(frozen=True, slots=True)
 class Setup:
-    """What an installation works with: the cache folder, the caller's variables, the package tool, and a reporter."""
+    """The surroundings of an installation: the cache folder, the caller's variables, the package tool, a reporter."""
 
     folder: Path
     environ: Mapping[str, str]

@@ -197,7 +197,7 @@ def _silent(invocation: Invocation, watcher: Watcher) -> bool:
 
 
 def _usage(task: Task, watcher: Watcher) -> Usage:
-    """What was read from the stream; else what the agent wrote into its usage file."""
+    """The usage by the stream; else by the agent's usage file."""
     used = watcher.usage
     known = (used.input_tokens, used.output_tokens, used.cost_usd)
     return used if any(value is not None for value in known) else read_usage(task.workdir)

@@ -1,4 +1,4 @@
-"""What a check of an agent's surroundings states, and the checks of its program: there, the tried version, its node.
+"""The result of a check of an agent's surroundings, and the checks of its program: there, the tried version, its node.
 
 A check that could not be carried out, or whose answer proves nothing, is ``unknown``, which is not ``pass``.
 """
@@ -144,7 +144,7 @@ PATH = "/models"
 
 @dataclass(frozen=True, slots=True)
 class ApiAnswer:
-    """What the API answered: the HTTP status, or in ``problem`` why there is none; ``names`` are the listed models.
+    """The answer of the API: the HTTP status, or in ``problem`` why there is none; ``names`` are the listed models.
 
     ``names`` is None when the list is not complete or cannot be read.
     """

@@ -1,4 +1,4 @@
-"""What a program prints, as events: each program that speaks a stream of its own has a dialect in its adapter.
+"""Parses a program's output into events: each program that speaks a stream of its own has a dialect in its adapter.
 
 A dialect lives for one run and may remember what it has seen. It is fed whole lines, already redacted, of an untrusted
 program: a line that it does not understand is no event and no error.
@@ -35,7 +35,7 @@ def json_object(line: bytes) -> dict[str, Any] | None:
 
 
 def field(value: object, *path: str | int) -> Any:
-    """What is at a path of keys and indexes inside a JSON value; None when any step is not there."""
+    """The value at a path of keys and indexes inside a JSON value; None when any step is not there."""
     for step in path:
         if isinstance(value, dict) and isinstance(step, str):
             value = value.get(step)
@@ -91,7 +91,7 @@ _TOO_LONG = re.compile(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,2
 
 
 def problem(text: str, status: int | None = None, *, final: bool = False) -> ModelProblem:
-    """What a message about a failed request means; ``status`` is its HTTP status where the program reports it apart.
+    """The problem in a message about a failed request; ``status`` is its HTTP status where the program reports one.
 
     A refused key is final, and so is a request that is never taken: the next one is refused as well. What fits nothing
     known counts as crashed.

@@ -131,7 +131,7 @@ def _version_in(package: Path) -> str | None:
 
 
 def _environment(node: Node, environ: Mapping[str, str]) -> dict[str, str]:
-    """What npm and the install scripts see: the person's npm settings and proxies, and no other secrets."""
+    """The environment of npm and the install scripts: the person's npm settings and proxies, and no other secrets."""
     names = (*PASSED, *PROXIES, *(name.lower() for name in PROXIES))
     found = {name: value for name, value in environ.items() if name in names or name.startswith(PREFIXES)}
     path = environ.get("PATH", "")

@@ -28,7 +28,7 @@ class Found:
 
 
 def variables(manifest: Manifest, environ: Mapping[str, str]) -> dict[str, str]:
-    """What the manifest's agents need of the person's logins beside the environment; nothing where none can be used."""
+    """The variables of the person's logins that the manifest's agents need; empty where none can be used."""
     found = [find(spec, environ) for spec in _specs(manifest) if spec.login]
     return {name: value for each in found if isinstance(each, Found) for name, value in each.variables.items()}
 

@@ -39,7 +39,7 @@ class ExitReason(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Usage:
-    """What a run cost, as far as it is known: tokens as counts, cost in US dollars; None is unknown.
+    """The usage of a run, as far as it is known: tokens as counts, cost in US dollars; None is unknown.
 
     ``input_tokens`` are all tokens that went in, the ``cached_tokens`` among them. ``cost_source`` states who priced
     them: ``manifest``, a table (``litellm`` or octoform's own, with its date), or the program that reports its cost.
@@ -78,7 +78,7 @@ class Price:
 
 @dataclass(frozen=True, slots=True)
 class TaskLimits:
-    """What one run may use: seconds in all, seconds without a sign of progress, replies of the model, US dollars.
+    """The limits of one run: seconds in all, seconds without a sign of progress, replies of the model, US dollars.
 
     None is no limit. Only harnesses whose output shows turns can keep a limit of turns and dollars.
     ``patience_seconds`` is how long a program may go on trying after the model's side has begun to fail.
@@ -116,7 +116,7 @@ class Task:
 
     @property
     def transcript(self) -> Path:
-        """What the agent did, one JSON object a line, in the same words for every harness."""
+        """The agent's events, one JSON object a line, in the same words for every harness."""
         return self.workdir / "transcript.jsonl"
 
 

@@ -27,7 +27,7 @@ NAME = r"^[a-z]+-[1-9][0-9]*/[A-Za-z0-9_][A-Za-z0-9._-]*$"
 
 
 class Output(Persisted):
-    """What the attempt left where its output belongs: the content of ``file``, or something that is no file.
+    """The recorded output of the attempt: the content of ``file``, or something that is no file.
 
     ``kind``: ``file``, ``link`` (or anything else that is no plain file), ``large`` (a file of ``size`` bytes, more
     than is ever read).

@@ -90,7 +90,7 @@ class _Keeper:
         """See `Observer.finish`."""
 
     def text(self, stream: str) -> str:
-        """What was kept of a stream."""
+        """The kept part of a stream."""
         return self._kept[stream].decode("utf-8", "replace")
 
 

@@ -51,7 +51,7 @@ KINDS = {
 
 @dataclass(slots=True)
 class _Seen:
-    """What the run has shown so far; times are seconds of the watcher's clock."""
+    """The observations of the run so far; times are seconds of the watcher's clock."""
 
     active: float
     turns: int = 0
@@ -106,7 +106,7 @@ class Watcher:
 
     @property
     def usage(self) -> Usage:
-        """What was used so far, with its cost: by the owner's price, the program's own report, or a table's price."""
+        """The usage so far, with its cost: by the owner's price, the program's own report, or a table's price."""
         used = self._seen.totals or self._seen.usage
         owners = self._price is not None and self._price.source == OWNERS
         if self._price is not None and (owners or used.cost_usd is None):
@@ -115,7 +115,7 @@ class Watcher:
 
     @property
     def problem(self) -> ModelProblem | None:
-        """What the model's side complained of last, unless the run went on after it."""
+        """The last problem of the model's side, unless the run went on after it."""
         return self._seen.problem
 
     @property
@@ -125,7 +125,7 @@ class Watcher:
 
     @property
     def last_words(self) -> str:
-        """What was last on standard error, and the last line there that spoke of an error; empty where nothing did.
+        """The end of standard error, and its last line about an error; empty where there is none.
 
         Only where a dialect reads the output: what others print is shown as it is.
         """
@@ -271,7 +271,7 @@ class _Lines:
         return out
 
     def rest(self) -> list[bytes]:
-        """What was after the last line end."""
+        """The bytes after the last line end."""
         return [b"".join(self._held)] if self._held else []
 
 

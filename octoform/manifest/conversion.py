@@ -133,7 +133,7 @@ def in_force(document: Document) -> list[Agent]:
 
 
 def provider_of(model: str, harness: str, environ: Mapping[str, str]) -> Provider | None:
-    """Who serves a model; None as long as a variable in its name has no value."""
+    """The provider of a model; None as long as a variable in its name has no value."""
     named = resolved(model, environ)
     return split_model(named, harness)[0] if named is not None else None
 

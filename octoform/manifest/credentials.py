@@ -95,7 +95,7 @@ APIS = (CHAT, RESPONSES, ANTHROPIC, GEMINI)
 
 @dataclass(frozen=True, slots=True)
 class Provider:
-    """Who serves models: the variable with the key (None: needs none), and a base URL for each API that it speaks."""
+    """A provider of models: the variable with the key (None: needs none), and a base URL for each of its APIs."""
 
     name: str
     key: str | None
@@ -130,7 +130,7 @@ PROVIDERS: Mapping[str, Provider] = {
 }
 ALIASES = {"google": "gemini", "ollama_chat": "ollama"}
 NATIVE = {"claude-code": "anthropic", "gemini-cli": "gemini"}
-"""Whose models a bare name means, by harness; for all others OpenAI's."""
+"""The provider that a bare model name means, by harness; for all others OpenAI's."""
 SEARCHERS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "qwen-code")
 """The harnesses whose agents can search the web, by themselves or through their model."""
 

@@ -272,7 +272,7 @@ class Perception:
 
 @dataclass(frozen=True, slots=True)
 class Notify:
-    """Who hears of an incident that a person should know of.
+    """The receivers of alerts about incidents.
 
     ``command`` gets it as JSON on its standard input, ``webhook`` as a POST (reference unresolved), ``desktop`` as a
     notification of the person's own session.

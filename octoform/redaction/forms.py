@@ -45,7 +45,7 @@ def _either(*words: str, fold: bool = False) -> _Part:
 
 
 def _run(signs: str, least: int, most: int | None = None) -> _Part:
-    """Between ``least`` and ``most`` of these characters."""
+    """A pattern for ``least`` to ``most`` of these characters."""
     most = most or least
     return _Part(f"[{signs}]{{{least},{most}}}", f"[{signs}]{{0,{most}}}")
 

@@ -127,7 +127,7 @@ class Exchange:
         return Answer(tuple(lines), values)
 
     def _unanswered(self, port: Port) -> Answer:
-        """Nothing is acknowledged; a refusal of the command is reported, where the protocol definition has its form."""
+        """Check a line without acknowledgements for a refusal, where the protocol definition has its form."""
         end = time.monotonic() + UNANSWERED
         while self._wire.error and (found := _next_line(port, end)):
             if refused := self._refused(found):

@@ -128,7 +128,7 @@ class _Nothing(Middleware):
 
 @dataclass(frozen=True)
 class Offer:
-    """What the process runs and feeds: ``presence`` from start to stop, ``frames`` with every result of a call."""
+    """The parts that the process runs: ``presence`` from start to stop, ``frames`` with every result of a call."""
 
     changes: Changes
     presence: Presence

@@ -52,7 +52,7 @@ Interrupt = Callable[[], Sequence[Running]]
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """What came of one stop action: ``ok`` when the device took all bytes; ``detail`` in words; milliseconds."""
+    """The result of one stop action: ``ok`` when the device took all bytes; ``detail`` in words; milliseconds."""
 
     device: str
     kind: str
@@ -63,7 +63,7 @@ class Stopped:
 
 @dataclass(frozen=True, slots=True)
 class Emergency:
-    """What an emergency stop needs. ``audit`` is None where the log cannot be opened; ``problems`` states why.
+    """The parts of an emergency stop. ``audit`` is None where the log cannot be opened; ``problems`` states why.
 
     ``unwritten`` states what it means here when the latch cannot be written.
     """

@@ -22,7 +22,7 @@ _SIZE = 16 * 1024
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """Who engaged it, why, and since when (UTC, ISO 8601). An unreadable latch states that in ``reason``."""
+    """The person who engaged it, why, and since when (UTC, ISO 8601). An unreadable latch has a ``reason`` too."""
 
     by: str
     reason: str
@@ -41,7 +41,7 @@ class Latch:
         """Why the latch that this object made has neither who nor why; None when it does."""
 
     def engaged(self) -> Estop | None:
-        """What engaged it; None when it is open. A place that cannot be looked at counts as engaged."""
+        """The record of its engagement; None when it is open. A place that cannot be looked at counts as engaged."""
         try:
             status = os.lstat(self._place)
         except FileNotFoundError:

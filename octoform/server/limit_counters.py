@@ -1,4 +1,4 @@
-"""What was counted for the limits, and the file that keeps it over a restart.
+"""The counters of the limits, and the file that keeps them over a restart.
 
 Each counted call appends one line before the call goes on: the sums and last values of its tool, and its own moment
 alone, however many moments there are already. When the lines outgrow what they stand for, the file is written again
@@ -36,7 +36,7 @@ class CountersUnwritable(OSError):
 
 @dataclass(frozen=True, slots=True)
 class Used:
-    """What one tool has used: sums and last values by parameter, moments of calls (seconds of the clock, ascending).
+    """The counters of one tool: sums and last values by parameter, moments of calls (seconds of the clock, ascending).
 
     A call that failed may have moved the device or not: by ``doubts`` a sum may really be (lower, higher) than counted.
     ``damaged``: it is not known, because the file could not be read.
@@ -90,7 +90,7 @@ class Counters:
                 files.publish_new(path, path.with_suffix(".damaged"))
 
     def of(self, tool: str) -> Used:
-        """What the tool has used."""
+        """The counters of a tool."""
         return self._used.get(tool) or Used()
 
     def put(self, tool: str, used: Used) -> None:
@@ -103,7 +103,7 @@ class Counters:
         self._used[tool] = used
 
     def reset(self, tool: str | None) -> None:
-        """Nothing used, for one tool or for all; CountersUnwritable when the file cannot be replaced."""
+        """Reset the counters of one tool or of all; CountersUnwritable when the file cannot be replaced."""
         used = {} if tool is None else {name: item for name, item in self._used.items() if name != tool}
         self._replace(used)
         self._used = used
@@ -194,7 +194,7 @@ class Counters:
         return used
 
     def _of(self, item: Mapping[str, Any], moments: list[float]) -> Used:
-        """What the last line of a tool reports, with the moments of all its lines."""
+        """The counters in the last line of a tool, with the moments of all its lines."""
         kept, now = int(item.get("kept", len(moments))), self._clock()
         if not 0 <= kept <= len(moments):
             raise ValueError("it has lost moments of calls")
@@ -205,7 +205,7 @@ class Counters:
         return Used(sums, last, calls, bool(item["damaged"]), doubts, outside)
 
     def _shift(self, boot: str, wall: float, clock: float) -> float:
-        """What to add to the file's moments, so that they are moments of the clock as it goes now."""
+        """The offset from the file's moments to those of the present clock, in seconds."""
         if boot and boot == self._boot and clock <= self._clock():
             return 0.0
         return self._clock() - max(0.0, self._wall() - wall) - clock

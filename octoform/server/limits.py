@@ -218,7 +218,7 @@ class Ledger:
         return Refusal(found[0].code, " ".join(texts)) if found else None
 
     def _beyond(self, policy: ToolPolicy, arguments: Mapping[str, Any]) -> Refusal | None:
-        """What stands against a call of a unit that its device last reported outside of its range."""
+        """The refusal of a call of a unit that its device last reported outside of its range."""
         if policy.effect == "read" or policy.ends:
             return None
         for name, units in self._outside.items():
@@ -232,7 +232,7 @@ class Ledger:
         return None
 
     def _one(self, tool: str, limit: Limit, arguments: Mapping[str, Any], used: Used) -> Refusal | None:
-        """What one limit states."""
+        """The verdict of one limit."""
         if limit.kind == "goal":
             return _of_goal(tool, limit, self._tools[tool].units, arguments)
         if limit.parameter:

@@ -1,4 +1,4 @@
-"""What a person can do to the endpoint while no process answers: stop, clear, look at the limits, set them back, and
+"""A person's commands on the endpoint while no process answers: stop, clear, look at the limits, set them back, and
 leave a record of what was done beside it.
 
 A program: ``python -I offline.py VERB ENDPOINT-FOLDER [JSON]``; one JSON object on standard output, exit status 0 when

@@ -1,4 +1,4 @@
-"""What a client can read without calling a tool: the inventory of devices, and the latest picture of each tool.
+"""MCP resources, readable without a call: the inventory of devices, and the latest picture of each tool.
 
 A picture costs a camera's time and moves a lot of bytes; a client that only wants to look again at what was seen reads
 it here. Pictures are kept in memory alone, one for each tool, so nothing of the room reaches the disk.

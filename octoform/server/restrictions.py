@@ -1,4 +1,4 @@
-"""What claims restrict for now: read from the file that octoform writes, let go of here at the moment each one names.
+"""Restrictions by claims: read from octoform's file, and released here at the moment that each one names.
 
 A claim is a conclusion, and anyone who drew it may be gone or wrong. So it does not last by itself: an entry counts in
 the start of the machine that it names and until its moment, whether or not anybody lives to take it back. A permanent
@@ -140,7 +140,7 @@ def _unknown() -> tuple[Entry, ...] | None:
 
 
 class Restrictions:
-    """What is restricted now. Safe to use from threads; asking costs one look at the file's status.
+    """The present restrictions. Safe to use from threads; asking costs one look at the file's status.
 
     ``notify`` hears what begins and ends to count. ``clock`` is CLOCK_BOOTTIME. ``ledger`` states what must hold where
     the file does not; None: it does not know.
@@ -167,12 +167,12 @@ class Restrictions:
         """Why the file cannot be used; None when it can, or is not there."""
 
     def against(self, call: Subject) -> Entry | None:
-        """What stands against a call, the strictest first; None when nothing does."""
+        """The strictest restriction of a call; None when there is none."""
         found = [entry for entry in self.in_force() if entry.concerns(call)]
         return min(found, key=lambda entry: entry.effect != "deny", default=None)
 
     def in_force(self) -> tuple[Entry, ...]:
-        """What counts now; what begins or ends to count with this look is reported."""
+        """The restrictions in force; each begin and end since the last look is reported."""
         if self._place is None:
             return ()
         with self._lock:
@@ -210,7 +210,7 @@ class Restrictions:
             self._wrong(f"it cannot be read: {_words(problem)}")
 
     def _instead(self) -> tuple[Entry, ...]:
-        """What holds without the file: what the ledger states, else what only a person ends."""
+        """The restrictions without the file: those of the ledger, else those that only a person ends."""
         found = self._ledger()
         if found is None or (self._read_before and NOBODY_KNOWS in found):
             return tuple(entry for entry in self._entries if entry.expires is None)
@@ -268,7 +268,7 @@ def _entry(item: Mapping[str, Any]) -> Entry:
 
 
 def _same(entry: Entry) -> tuple[Any, ...]:
-    """What stays when only its end is put off."""
+    """The identity of a restriction, which stays when only its end is put off."""
     return entry.claim, entry.tool, repr(entry.arguments), entry.device, entry.units, entry.effect
 
 
@@ -333,7 +333,7 @@ class Standing:
         self._entries: tuple[Entry, ...] | None = None
 
     def __call__(self) -> tuple[Entry, ...] | None:
-        """What it states; None where there is none. Of one that cannot be read no one knows what a person forbade."""
+        """The ledger's restrictions; None without a ledger. An unreadable one may hide a person's prohibition."""
         try:
             status = os.lstat(self._path)
             stamp = status.st_ino, status.st_mtime_ns, status.st_size

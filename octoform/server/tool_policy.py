@@ -1,4 +1,4 @@
-"""What the endpoint may do, as the core resolved it: read once at the start, enforced by everything beside this module.
+"""The endpoint's policy as the core resolved it: read once at the start, enforced by the other modules.
 
 The launcher decides nothing about policy. Manifest, profiles and interface were brought together when the endpoint was
 published, so that the process that holds the devices needs to know none of them. A policy that is damaged, of another
@@ -93,7 +93,7 @@ class Units:
 
 
 def _words(given: Any) -> Iterator[str]:
-    """What an argument states, as words: a value, the members of a list, the names of an object."""
+    """The words of an argument: a value, the members of a list, the names of an object."""
     if isinstance(given, enum.Enum):
         given = given.value
     if isinstance(given, Mapping):
@@ -152,7 +152,7 @@ class Limit:
 
 @dataclass(frozen=True, slots=True)
 class ToolPolicy:
-    """What holds for one tool. ``timeout`` in seconds, ``result_bytes`` in bytes.
+    """The policy of one tool. ``timeout`` in seconds, ``result_bytes`` in bytes.
 
     ``buses`` are the ids of the devices whose calls it waits for: none for a tool that stops a movement, which would
     come too late behind it. Its code takes the lock of a device itself, between two steps of the movement. ``ends``

@@ -245,7 +245,7 @@ def _close(process: "subprocess.Popen[bytes]") -> None:
 
 
 def _lines_of(process: "subprocess.Popen[bytes]") -> Iterator[str]:
-    """What the program prints, line by line, each of bounded length, until it has ended and the pipe is empty."""
+    """The program's output, line by line, each of bounded length, until it has ended and the pipe is empty."""
     if process.stdout is None:
         return
     descriptor = process.stdout.fileno()

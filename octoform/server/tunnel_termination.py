@@ -40,7 +40,7 @@ _PROC = Path("/proc")
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What was found. ``answered_before``: whether the address answered just before; ``known``: whether it ever did.
+    """The proof of a revocation. ``answered_before``: the address answered just before; ``known``: it ever did.
 
     These and ``answers`` are None when no address is known. ``proved``: the processes are gone, and an address that is
     known to lead here answers no more.

@@ -62,7 +62,7 @@ def _hint(problem: OSError, path: Path | None) -> str:
 
 
 def _owner(path: Path) -> int | None:
-    """Whose the file is, or the nearest folder above it that may be looked at."""
+    """The owner of the file, or of the nearest folder above it that is readable."""
     for place in (path, *path.parents):
         try:
             return place.stat().st_uid

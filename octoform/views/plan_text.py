@@ -177,7 +177,7 @@ def outlook_of(plan: Plan | None, item: PlannedAction) -> StepOutlook | None:
 
 
 def makers(item: PlannedAction) -> str:
-    """Who is asked: ``builtin``, ``pi, openai/x``, ``builtin, then pi, openai/x`` for what the first leaves unknown."""
+    """The agents of a stage: ``builtin``, ``pi, openai/x``, ``builtin, then pi, openai/x`` for the first's unknowns."""
     first, second = agent(item.harness or "", item.model), item.escalate
     return first if second is None else f"{first}, then {agent(second.harness, second.model)}"
 

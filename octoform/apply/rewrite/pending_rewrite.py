@@ -38,7 +38,7 @@ class Rewrite:
     source: str
 
     def difference(self) -> list[str]:
-        """What it changes, line by line."""
+        """Its changes, line by line."""
         before, after = self.base.splitlines(), self.source.splitlines()
         return list(difflib.unified_diff(before, after, "server.py", "server.py", lineterm=""))
 

@@ -240,7 +240,7 @@ def _encoded(adoption: Adoption) -> bytes:
 
 
 def _read(layout: Layout) -> Adoption | None:
-    """What a killed run was about to adopt; None when there is nothing whole."""
+    """The rewrite that a killed run was about to adopt; None when it is incomplete."""
     data, _ = read_regular(layout.local / RECORD)
     try:
         fields = files.parse(data or b"")

@@ -35,7 +35,7 @@ _KEEP_CHECKS = (
 
 
 def lost(before: Iterable[ast.stmt], after: Iterable[ast.stmt]) -> list[Diagnostic]:
-    """What protects in the statements ``before``, and is missing or fewer in ``after``; and errors newly swallowed."""
+    """The protection in the statements ``before`` that is missing or fewer in ``after``; and errors newly swallowed."""
     old, new = list(before), list(after)
     had, has = Counter(_protections(old)), Counter(_protections(new))
     missing = sorted((had - has).elements())
@@ -115,7 +115,7 @@ _HINT = "change only the functions that you name, of those that input.json lists
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What one repair may touch: these tools, these functions of theirs; ``devices`` are the ids of all others."""
+    """The scope of one repair: these tools, these functions of theirs; ``devices`` are the ids of all others."""
 
     tools: frozenset[str]
     functions: tuple[str, ...]
@@ -123,7 +123,7 @@ class Reach:
 
 
 def reach_of(accepted: str, interface: JsonObject, tool: str | None, device: str | None) -> Reach:
-    """What a repair of a tool may touch, or of a device whose tool is not known; nothing where neither is.
+    """The scope of a repair of a tool, or of a device whose tool is unknown; empty where neither is known.
 
     ``accepted`` compiles.
     """
@@ -166,7 +166,7 @@ def _nodes(units: list[Unit]) -> list[ast.stmt]:
 
 
 def _changed(old: Parts, new: Parts, reach: Reach, named: frozenset[str]) -> Iterator[Diagnostic]:
-    """What differs within the tool: named functions of its own, and new functions that only they use."""
+    """The differences within the tool: named functions of its own, and new functions that only they use."""
     before = {name for unit in (*old.inside, *old.outside) for name in unit.names}
     gone = _functions(old.inside) - _functions((*new.inside, *new.outside))
     gone |= _registered(old) - _registered(new)

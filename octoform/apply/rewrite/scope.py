@@ -42,7 +42,7 @@ _CHANGING = frozenset(
 
 
 def reached(node: ast.stmt, shared: Set[str], devices: Set[str]) -> Iterator[tuple[str, ast.AST]]:
-    """What a statement reaches for, each with its place: ``shared`` are names of all, ``devices`` the ids of others."""
+    """The names that a statement uses, each with its place: ``shared`` are all's, ``devices`` the ids of others."""
     names = shared | _aliases(node, shared)
     for item in ast.walk(node):
         if isinstance(item, ast.Attribute) and item.attr in _ATTRIBUTES:
@@ -56,7 +56,7 @@ def reached(node: ast.stmt, shared: Set[str], devices: Set[str]) -> Iterator[tup
 
 
 def _changed(item: ast.AST, names: Set[str], other: Set[str]) -> str:
-    """What is set by one of ``other`` names, or changed by a method of one of ``names``; empty for nothing."""
+    """The name of ``other`` that is set, or the method that changes one of ``names``; empty for none."""
     if isinstance(item, ast.Attribute | ast.Subscript) and not isinstance(item.ctx, ast.Load):
         return root if (root := chained(item)) in other else ""
     if isinstance(item, ast.Call) and isinstance(item.func, ast.Attribute) and item.func.attr in _CHANGING:
@@ -114,7 +114,7 @@ class Unit:
 
     @property
     def title(self) -> str:
-        """What a person calls it."""
+        """Its name for a person."""
         return listed(sorted(self.names)) if self.names else f"the statement in line {self.node.lineno}"
 
 
@@ -149,7 +149,7 @@ def beyond(
     deploy: JsonObject,
     devices: frozenset[str] = frozenset(),
 ) -> list[Diagnostic]:
-    """What a rewritten server changes that is not its step's to change; empty when it keeps to ``tools``.
+    """The changes of a rewritten server outside of its step's scope; empty when it keeps to ``tools``.
 
     Both texts compile. ``deploy`` is the accepted DEPLOY artifact: what it installed may be imported. ``devices`` are
     the ids of the other devices, which these tools have no business with.
@@ -190,7 +190,7 @@ def _only_for(unit: Unit, units: Iterable[Unit], allowed: set[Unit]) -> bool:
 
 
 def _reached(own: Iterable[Unit], private: Iterable[Unit]) -> list[Unit]:
-    """What of ``private`` is used by ``own``, directly or by way of one another."""
+    """The part of ``private`` that ``own`` uses, directly or transitively."""
     wanted = {name for unit in own for name in unit.uses}
     found: list[Unit] = []
     left = list(private)
@@ -250,7 +250,7 @@ def _bound(node: ast.stmt) -> Iterator[str]:
 
 
 def _touched(old: Parts, new: Parts) -> Iterator[Diagnostic]:
-    """What differs among the statements that belong to everybody."""
+    """The differences in the shared statements."""
     own = {unit.text for unit in old.inside}
     # A statement of this device's alone that nothing uses any more is as it was.
     there = [unit for unit in new.outside if unit.text not in own]

@@ -35,7 +35,7 @@ BYTES_QUOTED = 400
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What the gate states: the value and the files to accept, or the reasons to refuse.
+    """The verdict of the gate: the value and the files to accept, or the reasons to refuse.
 
     ``files`` are the committed files by name below the stage's folder; ``found`` is one line for a person; ``detail``
     goes into the state. ``rewritten`` is the server that a step has put into the place of the accepted one.
@@ -149,7 +149,7 @@ def fresh(folder: Path) -> Path:
 
 
 def cleared(path: Path) -> Path:
-    """Nothing is there any more."""
+    """Remove the file, link or folder at a path, if any; returns the path."""
     if path.is_dir() and not path.is_symlink():
         files.remove_tree(path)
     else:
@@ -218,7 +218,7 @@ def offered(chosen: Sequence[Profile], probe: object, answers: Mapping[str, str]
 
 
 def _registered(probe: Mapping[str, Any], context: Context) -> dict[str, str]:
-    """What this host's id databases say of each device that has numbers; empty text for what they do not know."""
+    """The entries of this host's id databases for each device with numbers; "" for an unknown one."""
     databases = IdDatabases(Path(context.environ.get("OCTOFORM_SYSROOT") or "/"))
     numbered = (device for device in probe["devices"] if device.get("vid") and device.get("pid"))
     return {

@@ -1,4 +1,4 @@
-"""What one agent is asked for: the stage, who does it with which budget, what it may read, and who judges its output.
+"""The assignment of one agent: the stage, the agent and its budget, its inputs, and the judge of its output.
 
 Most stages are one assignment. IDENTIFY with ``escalate`` is two: the second goes to another agent, reads only what
 the first left unknown, and its output is judged merged with that of the first.
@@ -193,7 +193,7 @@ class Assignment:
         return None if self.model is None else resolve(self.model, context.environ)
 
     def price(self, context: Context) -> Price | None:
-        """What its model costs; None when it uses none or no one knows."""
+        """The price of its model; None without a model or when it is unknown."""
         name = self.model_name(context)
         if name is None or self.harness.name in MODEL_FREE:
             return None

@@ -127,7 +127,7 @@ PACKAGES = "deploy"
 
 @dataclass(frozen=True, slots=True)
 class Failed:
-    """What a failed attempt hands to the next one: why it was refused, its log, the spec as it is in this run.
+    """The feedback of a failed attempt to the next one: why it was refused, its log, the spec as it is in this run.
 
     ``former`` is the output to be corrected: the last one that could be read, or an accepted one that a later stage
     found at fault. ``found`` is what is wrong with it, whichever attempt wrote it, and ``right`` states what is not.
@@ -151,7 +151,7 @@ class Failed:
 
     @property
     def more(self) -> tuple[Diagnostic, ...]:
-        """What is wrong with the output to be corrected and is no reason why the last attempt failed."""
+        """Problems of the output to be corrected that are not the reason for the last failure."""
         return tuple(item for item in self.found if item not in self.diagnostics)
 
 
@@ -173,7 +173,7 @@ class Prepared:
 
 @dataclass(slots=True)
 class SoFar:
-    """What is known of an attempt while it goes on, for the record of one that is interrupted.
+    """The facts of a running attempt, for the record of one that is interrupted.
 
     ``began`` is in seconds of the run's clock; ``outcome`` stands once the agent has ended, and ``checks`` is how often
     it has held its output against the contract before.
@@ -212,7 +212,7 @@ def prepare(
 
 
 def _given(context: Context, assignment: Assignment, task: Task) -> dict[str, str]:
-    """What the agent begins with, each file by its digest; the agent may change the files in its folder."""
+    """The agent's initial files, each by its digest; the agent may change the files in its folder."""
     own = (task.prompt, task.document, task.workdir / spec_copy.FILE_NAME, _former(task))
     paths: dict[str, Path | None] = {path.name: path for path in own}
     paths |= {name: task.workdir / name for name in assignment.beside}
@@ -359,7 +359,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
 
 
 def _briefings(context: Context, stage: str) -> tuple[str, ...]:
-    """What the profiles say, each with the devices of this host for which its evidence holds; nothing otherwise.
+    """The prose of the profiles, each with the devices of this host that it matches; else empty.
 
     DEPLOY chooses packages: it is given what they say of packages and files.
     """

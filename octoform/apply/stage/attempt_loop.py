@@ -99,7 +99,7 @@ FARAWAY = frozenset({ExitReason.RATE_LIMIT, ExitReason.UNREACHABLE})
 
 @dataclass(slots=True)
 class _Progress:
-    """What the attempts have used so far, and what the last one left to the next."""
+    """The usage of the attempts so far, and the last one's feedback."""
 
     attempts: int = 0
     usage: Usage = field(default_factory=Usage)
@@ -187,7 +187,7 @@ def _attempts(context: Context, assignment: Assignment, started: float, progress
 
 
 def _limits(context: Context, assignment: Assignment, elapsed: float) -> tuple[TaskLimits, Diagnostic | None]:
-    """What the next attempt may use, or why there may be none."""
+    """The budget of the next attempt, or why there is none."""
     budget, stage = assignment.budget, assignment.stage
     left = budget.stage_seconds - elapsed
     usd = context.purse.left(stage, budget.usd, context.manifest.run_usd)
@@ -296,7 +296,7 @@ def _gate(context: Context, assignment: Assignment, task: Task, outcome: Outcome
 
 
 def _unconfined(context: Context, assignment: Assignment, outcome: Outcome) -> list[Diagnostic]:
-    """What no plan could say: agents can be confined on this machine, and this one could not."""
+    """A warning for an agent that could not be confined although the machine can confine agents."""
     wanted = assignment.harness.sandbox
     if not outcome.unconfined or sandbox.unconfined(context.environ, wanted):
         return []
@@ -327,7 +327,7 @@ def _with(found: str, detail: Mapping[str, object]) -> str:
 
 
 def _note_edit(context: Context, prepared: Prepared) -> Edit | None:
-    """What the agent made of its copy of the spec: shown, and kept for a person if it was asked to correct it."""
+    """Show the agent's edit of its copy of the spec, and keep it for a person if it was asked for one."""
     task = prepared.task
     secrets = agent_environment.secrets(task.environment, task.secrets)
     edit = spec_copy.look(task.workdir, prepared.spec, secrets, permitted=prepared.editable)

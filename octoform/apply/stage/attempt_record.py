@@ -1,4 +1,4 @@
-"""What an attempt leaves as its record: everything that octoform knows of it, in ``attempt.json``."""
+"""The record of an attempt: all that octoform knows of it, in ``attempt.json``."""
 
 from collections.abc import Mapping
 from contextlib import suppress
@@ -117,7 +117,7 @@ def reused(
 
 
 def _digests(task: Task, given: Mapping[str, str]) -> dict[str, str]:
-    """What this attempt was given, as it was then, and what it wrote; files that are not there are omitted."""
+    """The digests of this attempt's inputs and outputs; files that are not there are omitted."""
     written = {path.name: of_large_file(path) for path in (task.log, task.transcript, task.output)}
     return dict(sorted({**{name: value for name, value in written.items() if value is not None}, **given}.items()))
 

@@ -61,7 +61,7 @@ def undecided(identify: Mapping[str, Any]) -> list[str]:
 
 
 def detail(first: Verdict, second: Verdict, more: Assignment) -> dict[str, object]:
-    """What the state keeps of an escalation: who was asked, about how many devices, how many are still unknown."""
+    """The state's facts of an escalation: the agent, about how many devices, how many are still unknown."""
     asked, left = undecided(first.value), unknown(second.value)
     return {"harness": more.harness.name, "model": more.model, "asked": len(asked), "still_unknown": len(left)}
 

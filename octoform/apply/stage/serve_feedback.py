@@ -1,4 +1,4 @@
-"""What the next attempt at a stage knows of those before it, and what a later stage sends back to an earlier one.
+"""Feedback between attempts at a stage, and from a later stage to an earlier one.
 
 An attempt begins with the last output that could be read, however the attempt that wrote it ended, and with all that is
 wrong with it. What the test at DEPLOY finds wrong with the server goes back to SERVE, in the same run: some faults of
@@ -71,7 +71,7 @@ CLEAN = "Nothing is wrong with it, as far as that shows without running it; the 
 def remembered(
     context: Context, assignment: Assignment, task: Task, ended: tuple[Outcome, Verdict], failed: Failed
 ) -> Failed:
-    """What a refused attempt leaves to the next one; ``failed`` states what it had itself been given, if anything.
+    """The feedback of a rejected attempt to the next one; ``failed`` is its own feedback, if any.
 
     An output that no one has judged, since its agent did not end well, is judged here: it is not accepted.
     """
@@ -110,7 +110,7 @@ _KEYS = {"devices": "id", "left_out": "id", "tools": "name"}
 
 
 def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | None:
-    """What a stage begins with whose accepted output has a changed input: that output, and what has changed.
+    """The start of a stage with a changed input: its accepted output, and the changes.
 
     None where there is no such output as it was accepted. PROBE is none of them: it describes the host as it is now.
     """
@@ -128,7 +128,7 @@ def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | No
 
 
 def _moved(context: Context, part: str, before: str | None, after: str | None) -> Iterator[str]:
-    """What has changed in one part of a stage's input, a line for each member of an artifact."""
+    """The changes in one part of a stage's input, a line for each member of an artifact."""
     kind, _, name = part.partition(".")
     if kind != "input":
         how = "is new" if before is None else "is no longer there" if after is None else "is another one"
@@ -174,7 +174,7 @@ def is_earlier_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
 
 
 def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:
-    """What the earlier stage is given, when it is the one that has to fix why the run failed; else None."""
+    """The feedback to the earlier stage that has to fix the failure; else None."""
     way = RETURNS.get(failed or "")
     blamed = tuple(item for item in found if way is not None and item.code in way.codes and has_errors([item]))
     if way is None or not blamed:

@@ -139,7 +139,7 @@ def _device(item: dict[str, Any]) -> dict[str, Any]:
 IMPORT_SECONDS = 30.0
 """For an import on a small board; an attempt that may take less time in all may not take more for this."""
 IMPORT_SHARE = 0.15
-"""Who gave an attempt more time than usual has a host that is slower than usual: the import's part of that time."""
+"""The share of the attempt's time that the import may take: a longer attempt time means a slower host."""
 
 RESOLVE_SECONDS, BUILD_SECONDS = 120.0, 600.0
 
@@ -203,7 +203,7 @@ def _made(context: Context, requirements: Sequence[str]) -> tuple[Environment | 
 
 
 def prove_import(context: Context, environment: Environment, task: Task, source: str) -> tuple[list[Diagnostic], int]:
-    """What an import of the server in this environment shows to be wrong, and how many tools it has."""
+    """The errors of an import of the server in this environment, and the number of its tools."""
     context.emit(events.Checking(task.stage, "importing the server where it will be served"))
     report = _import(context, environment, task, source)
     found = judge_import(report)

@@ -20,7 +20,7 @@ MAX_DIFF_LINES = 200
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """What an agent made of its copy: the text, and the lines of a unified diff against what it was given."""
+    """An agent's edit of its copy: the text, and the lines of a unified diff against what it was given."""
 
     text: str
     diff: tuple[str, ...]
@@ -51,7 +51,7 @@ def give(workdir: Path, text: str, *, editable: bool) -> Path:
 
 
 def look(workdir: Path, given: str, secrets: Mapping[str, str], *, permitted: bool) -> Edit | None:
-    """What became of the copy; None when it is as it was, or no plain file of a sane size lies in its place.
+    """The edit of the copy; None when it is unchanged, or is no plain file of a sane size.
 
     An edit is shown, kept and perhaps committed: the ``secrets``, by name, and what looks like one are redacted in it.
     """

@@ -53,7 +53,7 @@ class PairedDevice:
     class_of_device: str = ""
     profiles: set[str] = field(default_factory=set)
     ids: tuple[str, str, str] = ("", "", "")
-    """Who assigned the number of the maker (usb or bluetooth), that number, and the maker's of the product."""
+    """The assigner of the maker's number (usb or bluetooth), that number, and the maker's of the product."""
     connected: bool | None = None
 
 

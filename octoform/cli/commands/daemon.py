@@ -56,7 +56,7 @@ def watched(project: Path, screen: Console, view: CycleView, *, once: bool, as_j
 
 
 def run_watch(arguments: Namespace, project: Path, screen: Console) -> int:
-    """That of the signal which ended it; with ``-once`` the exit codes of ``health``."""
+    """The exit code for the signal that ended it; with ``-once`` the exit codes of ``health``."""
     from octoform.views.daemon.event_log import Lines, Objects
 
     view = Objects(screen) if arguments.json or not screen.out.isatty() else Lines(screen)

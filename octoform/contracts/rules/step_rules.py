@@ -93,7 +93,7 @@ def name_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def device_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Nothing but the device that the step is for may be moved; where nothing moves, none is named."""
+    """A step moves only the device that it is for; a step without movement names no device."""
     facts, device = _facts(artifacts), value["device"]
     if device is None and facts.idle:
         return []

@@ -1,4 +1,4 @@
-"""What the endpoint stands on, compared with what was accepted and published; hashed only when it moved. (Light.)
+"""Compares the endpoint's files with what was accepted and published; hashed only after a change. (Light.)
 
 Names, sizes and times of a few hundred files say whether there is anything to hash, so that a look which finds nothing
 new costs a millisecond.
@@ -91,7 +91,7 @@ def damaged(layout: Layout) -> Iterator[tuple[str, str]]:
 
 
 def _state(layout: Layout) -> Iterator[tuple[str, str]]:
-    """What is wrong with the state file, where nothing waits to be folded into it."""
+    """The damage of the state file, when no journal waits to be folded into it."""
     try:
         if layout.journal.stat(follow_symlinks=False).st_size > 0:
             return
@@ -160,7 +160,7 @@ def _stamps(folder: Path) -> Iterator[object]:
 
 
 def _stamp(path: Path, *, own: bool = True) -> object:
-    """What moves when a file does: its number, size, mode and times; of a folder only the name."""
+    """The stamp that changes with a file: its number, size, mode and times; of a folder only the name."""
     if not own:
         return str(path)
     try:

@@ -108,7 +108,7 @@ class EventSources:
         return _AT_ONCE
 
     def _due(self) -> frozenset[Cause]:
-        """What is due by time alone."""
+        """The causes that are due by time alone."""
         now = self._clock.uptime()
         found, self._missed = set(self._missed), _NOTHING
         if self._moments.moved():
@@ -143,7 +143,7 @@ class EventSources:
         return frozenset(found)
 
     def _burst(self) -> frozenset[Cause]:
-        """What else comes until it is quiet for a moment, but not for long."""
+        """Collect further events until none comes for a moment, within a bound."""
         found = _NOTHING
         end = self._clock.uptime() + BURST_SECONDS
         while (left := end - self._clock.uptime()) > 0:

@@ -1,4 +1,4 @@
-"""What all ears of the daemon have in common. (Light.)"""
+"""The common interface of the daemon's event sources. (Light.)"""
 
 import errno
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -38,7 +38,7 @@ class Ear(Protocol):
         """The descriptor that becomes readable; None while there is nothing to listen to."""
 
     def hear(self) -> frozenset[Cause]:
-        """What happened since the last time; empty when it was nothing of interest."""
+        """The causes since the last call; empty when there are none."""
 
     def close(self) -> None:
         """Let go of it."""
@@ -199,7 +199,7 @@ class Unwatched:
         """There is nothing to let go of."""
 
     def diagnostic(self) -> Diagnostic | None:
-        """What a person is notified of it; None where every folder is watched."""
+        """The diagnostic for a person; None where every folder is watched."""
         if not self.folders:
             return None
         summary = f"{self.folders} folders are looked at every {LOOK_SECONDS:g} s only: the user's watches are used up"
@@ -235,7 +235,7 @@ def signs(layout: Layout) -> Iterator[Watch]:
 
 
 def standing(layout: Layout) -> Iterator[Watch]:
-    """What the endpoint stands on: manifest, accepted files, its own files, the serving environment's packages."""
+    """The files that the endpoint needs: manifest, accepted files, its own files, the environment's packages."""
     yield Watch(layout.project, Cause.FILES, dict.fromkeys((MANIFEST, "state"), Cause.FILES))
     yield Watch(layout.committed.parent, Cause.FILES, {layout.host: Cause.FILES})
     for folder in (layout.committed, layout.endpoint):

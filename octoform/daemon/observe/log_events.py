@@ -137,7 +137,7 @@ _ACCESS = re.compile(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\
 
 @dataclass(frozen=True, slots=True)
 class Heard:
-    """What the logs say since the last look.
+    """The events in the logs since the last look.
 
     ``failures`` are in order, the newest where there are too many, of each tool those after its last call that worked;
     ``worked`` are names of tools, each once.
@@ -165,7 +165,7 @@ class Hearing:
         return {"calls": self._calls.place, "server": self._server.place}
 
     def __call__(self, *, again: bool = True) -> Heard:
-        """What is new; without ``again`` only what is overdue, and no file is read."""
+        """The new events; without ``again`` only what is overdue, and no file is read."""
         failures: list[LoggedCall] = []
         worked: dict[str, None] = {}
         for entry in objects(self._calls.lines()) if again else ():
@@ -220,7 +220,7 @@ class Hearing:
                 yield LoggedCall(tool, False, False, None, f"it has not ended within its {seconds:g} s")
 
     def _allowed(self) -> dict[str, float]:
-        """What the policy gives each tool, in seconds."""
+        """The timeout of each tool by the policy, in seconds."""
         tools = (read_policy(self._layout) or {"tools": {}})["tools"]
         return {name: float(tool["timeout"]) for name, tool in tools.items() if tool.get("timeout") is not None}
 

@@ -40,7 +40,7 @@ _MAX_WORDS = 200
 
 @dataclass(slots=True)
 class Senses:
-    """What looks at each part; tests may put their own in."""
+    """The observers of each part; tests may replace them."""
 
     answering: Answering
     standing: Standing

@@ -56,7 +56,7 @@ class Presence:
         self._met: set[str] = set()
 
     def __call__(self, *, again: bool = False, process: Running | None = None) -> Seen | None:
-        """What is there now; with ``again`` the runtime is asked although no name moved.
+        """The devices that are present; with ``again`` the runtime is asked although no name moved.
 
         None when ``process`` ended before that was known: then the next look asks again.
         """
@@ -128,7 +128,7 @@ class Asked:
         return answers if isinstance(answers, dict) else None
 
     def _answer(self, question: bytes, ending: int | None) -> bytes:
-        """What the runtime answers; nothing when its time is over, or ``ending`` can be read first."""
+        """The runtime's answer; empty when its time is over, or ``ending`` can be read first."""
         with _memory() as asked, _memory() as found:  # no file: the disk may be full
             asked.write(question)
             asked.seek(0)
@@ -158,7 +158,7 @@ def _either(pid: int, ending: int | None) -> None:
 
 
 def _rights(node: Path) -> tuple[int, ...]:
-    """What moves when a node is opened or closed to a user."""
+    """The stamp that changes when a node is opened or closed to a user."""
     try:
         found = node.stat()
     except OSError:

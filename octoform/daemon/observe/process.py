@@ -123,7 +123,7 @@ class Answering:
         return (False, found) if self._stays("clients", self._uptime()) else (True, found)
 
     def _answer(self) -> tuple[Mapping[str, Any] | None, bool]:
-        """What it answers; or that it took the question twice without an answer, as only a hung process does."""
+        """The process's answer, and whether it accepted the question twice without one, as a hung process does."""
         waited = []
         for _ in range(2):
             began = self._uptime()

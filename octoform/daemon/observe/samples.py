@@ -91,7 +91,7 @@ class Sensors:
         return sorted((Probe(name, device) for name, tool in tools for device in _devices(tool)), key=_order)
 
     def promised(self) -> frozenset[Signal]:
-        """What these calls ought to report, as a whole: signals without a path."""
+        """The signals that these calls ought to report, without a path."""
         return frozenset(Signal(Channel.SENSOR, each.source, "") for each in self.probes())
 
     def _read(self, wire: Wire, probe: Probe) -> Iterator[Reading]:
@@ -178,7 +178,7 @@ def _leaves(value: object, path: str, why: str, depth: int) -> Iterator[tuple[st
 
 
 def _names(items: Sequence[object]) -> list[object]:
-    """What the items of a list are called: by a member of theirs, else by their number."""
+    """The names of the items of a list: by a member of theirs, else by their number."""
     for kind in (str, int):  # a word identifies more than a number
         for member in _NAMES:
             found = [item.get(member) if isinstance(item, Mapping) else None for item in items]
@@ -212,7 +212,7 @@ class Frames:
         self._look = look
 
     def __call__(self) -> tuple[Reading, ...]:
-        """What is wrong with the picture (empty: nothing) and its brightness; one of nothing where there is none."""
+        """The problem of the picture (empty: none) and its brightness; a reading without value without a picture."""
         if running(self._layout) is None:
             return ()  # a look would start it
         found = self._look()

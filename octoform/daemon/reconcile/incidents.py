@@ -50,7 +50,7 @@ class OpenIncidents:
                 self.reported[key] = Reported(episode.diagnosis, episode.until + began)
 
     def acting(self, finding: Finding) -> Finding:
-        """Whose repairs are tried for a problem: its diagnosis, or itself."""
+        """The finding whose repairs are tried for a problem: its diagnosis, or the problem itself."""
         episode = self.memory.episodes.open.get(finding.key)
         return finding if episode is None or episode.diagnosis is None else episode.diagnosis
 
@@ -149,7 +149,7 @@ class OpenIncidents:
         return broad
 
     def goes_on(self, finding: Finding, acting: Finding) -> None:
-        """What was given up may be tried again."""
+        """Forget the retry budgets of a problem, so that its repairs are tried again."""
         for key in {finding.key, acting.key}:
             self.memory.breakers.forget(key)
         if (episode := self.memory.episodes.open.get(finding.key)) is not None:
@@ -172,7 +172,7 @@ class OpenIncidents:
         self.notify(Alert(event, facts.host, target, summary, facts.stamp, hint))
 
     def taken(self) -> tuple[tuple[Incident, ...], tuple[Incident, ...]]:
-        """What began and what ended since the last time."""
+        """The incidents that began and that ended since the last call."""
         found = tuple(self.opened), tuple(self.ended)
         self.opened, self.ended = [], []
         return found

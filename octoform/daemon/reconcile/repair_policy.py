@@ -50,7 +50,7 @@ def lane_of(repair: Repair) -> Lane:
 
 @dataclass(frozen=True, slots=True)
 class Product:
-    """What a work made: what became of the repair (None: it was no repair), and readings that were taken after it."""
+    """The product of a piece of work: the repair's result (None: no repair), and readings after it."""
 
     done: Done | None
     readings: tuple[Reading, ...] = ()

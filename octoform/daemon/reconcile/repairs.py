@@ -159,7 +159,7 @@ _WHOLE = " whole"
 
 @dataclass(slots=True)
 class Waits:
-    """What is not tried now: why, by key; and when the next try is due (uptime)."""
+    """The repairs that wait: why, by key; and when the next try is due (uptime)."""
 
     why: dict[str, str] = field(default_factory=dict)
     due: list[float] = field(default_factory=list)
@@ -186,7 +186,7 @@ class Trying:
     _entries: dict[str, Entry] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        """What guards the daemon's own files while an agent is at work."""
+        """Set up the guard of the daemon's own files for the time an agent works."""
         self.untouched = Untouched(self.memory, self.evidence.ledger)
 
     def held(self) -> frozenset[str]:
@@ -310,7 +310,7 @@ class Trying:
         return f"{made} tries in an hour" if made >= most_in_hour(repair, breakers.limit) else None
 
     def _terms(self, facts: Facts) -> str:
-        """What the manifest allows a re-discovery, and whether all of it is left of this hour."""
+        """The manifest's budget for a re-discovery, and whether all of it is left of this hour."""
         purse = self.memory.purse
         now, stamp = facts.uptime, facts.stamp
         whole = (purse.left(now, stamp), purse.usd_left(now, stamp)) == (purse.calls_per_hour, purse.usd_per_hour)
@@ -433,7 +433,7 @@ class Trying:
         return snapshot(facts, self.evidence.ledger.latest(), failing=failing)
 
     def _heard(self, task: Task, said: Done, facts: Facts) -> Done:
-        """What an agent's run came to; nothing where the daemon's own files were changed meanwhile."""
+        """The result of an agent's run; void when the daemon's own files were changed meanwhile."""
         done, before = self.untouched.end(said), self._before.pop(task.key, None)
         if task.finding is None or task.repair is not Repair.HEAL or not said.ok:
             return done
@@ -444,7 +444,7 @@ class Trying:
         return done
 
     def _prove(self, facts: Facts) -> None:
-        """What HEAL changed is taken back when what is read after it is worse than what was read before."""
+        """Roll HEAL's change back when the readings after it are worse than those before."""
         if not self.probation.tried:
             return
         latest = self.evidence.ledger.latest()

@@ -51,7 +51,7 @@ LEAST_WAIT = 0.05
 
 @dataclass(frozen=True, slots=True)
 class Cycle:
-    """What one check cycle saw and did. ``due`` is when the next try is (uptime; None: nothing waits for a time).
+    """The observations and actions of one check cycle. ``due`` is when the next try is (uptime; None: none is timed).
 
     ``waits`` gives, by key, why a repair is not made now; ``problems`` is what could not be read, written or believed.
     """
@@ -250,7 +250,7 @@ class Supervisor:
         return facts.process.instance != instance or not self._ports.promised() <= promised
 
     def _asked(self) -> None:
-        """What a person asked for: to try again what was given up; what cannot be taken up waits, and is reported."""
+        """Take a person's requests to retry; a request that cannot be taken waits, and is reported."""
         layout = self._memory.shelf.layout
         try:
             targets = instance_lock.taken_up(layout)

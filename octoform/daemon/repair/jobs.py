@@ -1,4 +1,4 @@
-"""What the daemon's child can be asked to do, by name; what a job needs is imported when it is asked for.
+"""The jobs of the daemon's child, by name; each imports its modules when it runs.
 
 Every job takes the project's folder and its brief, which names the ``host``, and gives a JSON object with ``ok``,
 ``detail`` (plain sentences) and ``again`` (False: no further try can help).

@@ -77,7 +77,7 @@ def _frees(finding: Finding, repair: Repair) -> bool:
 
 
 def done(result: Mapping[str, Any]) -> Done:
-    """What a job's result states, as the loop knows it; a result without its word for it is a failure."""
+    """A job's result in the loop's form; a result without ``ok`` is a failure."""
     spent = result.get("spent")
     known = spent if isinstance(spent, Mapping) else {}
     usd = known.get("usd", 0.0)

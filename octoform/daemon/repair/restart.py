@@ -60,7 +60,7 @@ class Start:
 
 @dataclass(frozen=True, slots=True)
 class World:
-    """What a restart asks of the machine, so that tests have their own."""
+    """The machine as a restart sees it, so that tests can replace it."""
 
     uptime: Callable[[], float] = clock.boottime
     boot: Callable[[], str] = clock.boot_id

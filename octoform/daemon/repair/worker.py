@@ -53,7 +53,7 @@ def main() -> int:
 
 
 def _end(_number: int, _frame: FrameType | None) -> None:
-    """What is under way is taken back in order, and no second word interrupts that; who has no patience kills."""
+    """Roll the work back in order; a second signal does not interrupt that, only SIGKILL does."""
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
     raise _Ended
 

@@ -1,1 +1,1 @@
-"""What the daemon remembers over its own restarts: each kind in a file of its own, written whole or appended to."""
+"""The daemon's stored state over its restarts: each kind in a file of its own, written whole or appended to."""

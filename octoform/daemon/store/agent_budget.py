@@ -1,4 +1,4 @@
-"""What agents may cost in an hour, over restarts of the daemon: calls as a count, and US dollars.
+"""The agents' budget of an hour, over restarts of the daemon: calls as a count, and US dollars.
 
 Calls are written down before they are made and again when their cost is known, so that a daemon which dies in between
 has still counted them. What cannot be written down is not spent, and an unknown amount counts as spent. Light.
@@ -51,7 +51,7 @@ class AgentBudget:
             self.save()
 
     def spent(self, now: float, stamp: str) -> Spent:
-        """What the last hour cost."""
+        """The cost of the last hour."""
         recent = [entry for entry in self._entries if self._age(entry, now, stamp) < WINDOW_SECONDS]
         known = [entry.usd for entry in recent if entry.usd is not None]
         return Spent(calls=sum(entry.calls for entry in recent), usd=sum(known))
@@ -94,7 +94,7 @@ class AgentBudget:
         return None
 
     def settle(self, entry: Entry, spent: Spent) -> None:
-        """What that run cost in the end; nothing when no agent was called after all."""
+        """Record the final cost of that run; none when no agent was called."""
         entry.calls, entry.usd = spent.calls, spent.usd
         if spent.calls == 0 and not spent.usd and entry in self._entries:
             self._entries.remove(entry)

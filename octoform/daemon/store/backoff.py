@@ -17,7 +17,7 @@ from octoform.records import dataclass
 
 FILE = "breakers.json"
 FIRST_SECONDS = 5.0
-"""Between the first try and the second."""
+"""Seconds between the first try and the second."""
 FACTOR = 4.0
 MAX_SECONDS = 3600.0
 HOLD_SECONDS = 30.0
@@ -214,7 +214,7 @@ class Backoffs:
             self.save()
 
     def freeze(self, key: str, target: str, why: str, stamp: str) -> None:
-        """Nothing is tried any more for this problem."""
+        """True when the repairs of this problem gave up."""
         self._put(replace(self.of(key, target), target=target, frozen=why, since=stamp, gone=None))
 
     def _put(self, item: Backoff) -> None:
@@ -232,7 +232,7 @@ class Backoffs:
 
 
 def _kin(key: str, *, quick: bool) -> str:
-    """What a target and class are counted by: a key without its evidence."""
+    """The common key of a target and class: a key without its evidence."""
     return f"{key.rpartition(' ')[0]}{' quick' if quick else ''}"
 
 

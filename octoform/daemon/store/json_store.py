@@ -1,4 +1,4 @@
-"""What the daemon keeps on disk: small JSON files of one format, never half written, never silently lost.
+"""The daemon's files: small JSON files of one format, never half written, never silently lost.
 
 A file that is damaged, of a newer octoform or no file at all is moved to another name and reported; the daemon
 then begins with what it would have known on its first day. While it lives it alone writes them: what somebody else
@@ -95,7 +95,7 @@ class Shelf:
         self.said.append(item)
 
     def new_diagnostics(self) -> tuple[Diagnostic, ...]:
-        """What was to be stated, once."""
+        """The diagnostics since the last call."""
         found = tuple(self.said)
         self.said.clear()
         return found

@@ -19,7 +19,7 @@ RECALL, REPORT = "recall.json", "report.json"
 
 @dataclass(frozen=True, slots=True)
 class LastReport:
-    """What is kept of WATCH: the last ``summary``, when it was ``asked`` last, and ``since`` when the log counted then.
+    """The stored facts of WATCH: the last ``summary``, when it was last ``asked``, ``since`` when the log counted.
 
     Times are RFC 3339; empty where it was never asked.
     """

@@ -1,1 +1,1 @@
-"""Who may reach and call the endpoint: tokens, tunnel, limits, rights, and the audit log of it."""
+"""Access to the endpoint: tokens, tunnel, limits, rights, and its audit log."""

@@ -1,4 +1,4 @@
-"""Who may reach the endpoint over the network: named tokens, each with what it may call.
+"""Network access to the endpoint: named tokens, each with the tools that it may call.
 
 The process that serves reads the digests (`tokens.json`) before each request, so a change counts at once. Values are
 kept beside it, one private file each, because a client's configuration points to them; only what is asked for a value
@@ -27,7 +27,7 @@ RECORD = "tokens.json"
 VALUES = "tokens"
 DEFAULT = "default"
 APPLY = "octoform apply"
-"""Who made the first token."""
+"""The recorded creator of the first token."""
 EFFECTS = ("read", "actuate", "irreversible")
 PREFIX = "octoform_"
 """Begins every value, so that the finder of one knows what it opens."""

@@ -111,7 +111,7 @@ HINT = "octoform start starts it; a client whose command has -start may, too"
 
 @dataclass(frozen=True, slots=True)
 class Stop:
-    """Who stopped the endpoint and when (RFC 3339, empty where the mark does not say)."""
+    """The person who stopped the endpoint, and when (RFC 3339, empty where the mark does not say)."""
 
     by: str = "a person"
     at: str = ""

@@ -176,7 +176,7 @@ def outside(layout: Layout, result: RunResult) -> RunResult:
 
 
 def _silent(layout: Layout, result: RunResult, recorded: bool) -> str:
-    """That more than half of the read tools did not answer in this run's check; empty where they did.
+    """A sentence when more than half of the read tools did not answer in this run's check; else empty.
 
     On a recorded host, whose devices cannot be opened, it states nothing about the deployment that some did not.
     """

@@ -103,7 +103,7 @@ class ClaudeCode:
 
 
 def _shell(launch: Launch) -> str:
-    """What each command is given to: a shell that does not get the key, unless the manifest shows it the agent."""
+    """The shell of each command: one that does not get the key, unless the manifest shows it the agent."""
     keys = {KEY, BEARER, LOGIN, launch.access.key or KEY} - set(launch.spec.env)
     return f'#!/bin/sh\nunset {" ".join(sorted(keys))}\nexec bash -c "$1"\n'
 
@@ -241,7 +241,7 @@ def _result(value: object) -> Iterable[AgentEvent]:
 
 
 def _totals(models: object) -> Iterable[Totals]:
-    """What is beside it as the usage is that since the last result; this is that of the whole run, by model."""
+    """The usage of the whole run, by model; ``usage`` beside it is only that since the last result."""
     if not isinstance(models, dict) or not models:
         return
     counts = dict.fromkeys(COUNTS, 0)

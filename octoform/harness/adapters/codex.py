@@ -38,7 +38,7 @@ REQUEST_RETRIES = 2
 STREAM_RETRIES = 5
 PROVIDER = "octoform"
 ACCOUNT = "CODEX_ACCOUNT_ID"
-"""Whose subscription it is; with a key no one asks."""
+"""The variable with the account of a subscription; not needed with a key."""
 TRACE = "RUST_LOG"
 TRACED = "error,codex_otel.log_only[{event.kind}]=info,codex_otel.log_only[{error.message}]=info"
 OFF = (

@@ -185,7 +185,7 @@ class GeminiCliDialect:
             yield Closed(ok=False, text=self._words)
 
     def _problem(self, text: str, status: bytes | str | None, *, final: bool = False) -> ModelProblem:
-        """What states nothing by itself is what the attempt before it failed with."""
+        """The problem of a request; one without a reason has that of the attempt before it."""
         found = problem(text, int(status) if status else None, final=final)
         if found.reason is ExitReason.CRASHED and self._failed is not None:
             return ModelProblem(self._failed, found.text, final)

@@ -78,7 +78,7 @@ class LiteLLMHarness:
         return run_contained(task, invocation, progress)
 
     def configuration(self, task: Task) -> Config | Diagnostic:
-        """What the process is given, or what is missing; nothing is written."""
+        """The configuration of the process, or what is missing; nothing is written."""
         way = route(self.spec, task.model, task.environment)
         if isinstance(way, Diagnostic):
             return way

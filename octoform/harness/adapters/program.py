@@ -1,4 +1,4 @@
-"""What the coding-agent programs have in common: found, given a way to the model, run, read.
+"""The common part of the coding-agent programs: find, configure, run and read one.
 
 An adapter adds what differs: how its program is started and configured, and the dialect of its output. Its
 configuration lies in the attempt's own home folder, so nothing of the user's own setup is read or changed.
@@ -54,7 +54,7 @@ class Launch:
 
 
 class Adapter(Protocol):
-    """What an adapter module gives."""
+    """The interface of an adapter module."""
 
     name: ClassVar[str]
     pin: ClassVar[Pin]

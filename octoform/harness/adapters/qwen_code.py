@@ -193,7 +193,7 @@ def _result(value: object) -> Iterable[AgentEvent]:
 
 
 def _usage(value: object) -> Usage:
-    """What came from a cache is among the input; all zeros are a message that carries no count."""
+    """The usage of a reply: cached tokens are part of the input; all zeros mean no count."""
     if not count(value, "input_tokens"):
         return Usage()
     return Usage(count(value, "input_tokens"), count(value, "cache_read_input_tokens"), count(value, "output_tokens"))

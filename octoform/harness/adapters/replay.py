@@ -87,7 +87,7 @@ def _replay_events(task: Task, data: bytes, progress: ProgressSink) -> None:
 
 
 def _leave(path: Path, output: Output, data: bytes) -> None:
-    """What the attempt left: its output, or what was no output."""
+    """Write the recorded output, or the file that was none."""
     if output.kind == "link":
         path.symlink_to(os.devnull)
         return

@@ -59,7 +59,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True)
 class Program:
-    """What to run: ``stdin`` is a file, or None for an empty input; ``secrets`` are redacted from the log by name.
+    """The program to run: ``stdin`` is a file, or None for no input; ``secrets`` are redacted from the log by name.
 
     ``piped`` is in place of a file for what may be in none: it can be read once, and by the first who does.
     """
@@ -194,7 +194,7 @@ class _Session:
         self.halted = False
 
     def record(self) -> orphans.Record:
-        """Who the supervisor is, for the attempt's folder."""
+        """The supervisor's process, for the record in the attempt's folder."""
         found = orphans.look(self._process.pid)
         return orphans.Record(self._mark, self._process.pid, found.start if found else 0)
 
@@ -261,7 +261,7 @@ class _Session:
                 os.write(self._control, b"e")
 
     def _drain(self, selector: selectors.BaseSelector, log: TaskLog, observer: Observer) -> None:
-        """What still is in the pipes after the end: at most their capacity, and a bound against a live writer."""
+        """Read the rest of the pipes after the end: at most their capacity, and a bound against a live writer."""
         for key in list(selector.get_map().values()):
             rounds = 64
             while key.data != "report" and rounds and self._take(selector, key, log, observer):

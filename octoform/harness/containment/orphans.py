@@ -87,7 +87,7 @@ HUNT_SECONDS, QUIET = 5.0, 20
 
 @dataclass(frozen=True, slots=True)
 class Adopted:
-    """Whose child a process becomes that has lost its own parent, and which children that one had before."""
+    """The process that adopts orphans, with the children that it had before."""
 
     parent: int
     before: frozenset[Process]
@@ -99,7 +99,7 @@ class Adopted:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """What ``process.json`` states; ``start`` is the supervisor's start time in clock ticks since boot."""
+    """The content of ``process.json``; ``start`` is the supervisor's start time in clock ticks since boot."""
 
     mark: str
     pid: int
@@ -113,7 +113,7 @@ class Record:
 
 @dataclass(frozen=True, slots=True)
 class Swept:
-    """What a sweep did: the processes that it ended, and those that it could not end."""
+    """The result of a sweep: the processes that it ended, and those that it could not end."""
 
     ended: tuple[int, ...] = ()
     left: tuple[int, ...] = ()

@@ -68,7 +68,7 @@ class Bell:
 
 
 class Tree:
-    """What is known of the agent's processes: the agent's own status, and the resources of all that were reaped."""
+    """The facts of the agent's processes: the agent's own status, and the resources of all that were reaped."""
 
     def __init__(self, agent: int, contained: bool) -> None:
         self.agent = agent

@@ -135,7 +135,7 @@ OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
 
 @dataclass(frozen=True, slots=True)
 class Confinement:
-    """What one agent's sandbox is made for: its attempt's folder and task, its variables, those of octoform."""
+    """The settings of one agent's sandbox: its attempt's folder and task, its variables, those of octoform."""
 
     workdir: Path
     document: Path
@@ -196,7 +196,7 @@ def _none(why: str, hint: str | None = None) -> Diagnostic:
 
 
 def _tried(prefix: Sequence[str], readable: Sequence[str] = ()) -> Diagnostic | None:
-    """What is wrong with running something behind that prefix that looks whether files can be read and does nothing."""
+    """The error of a trivial program behind that prefix, which only checks that files can be read; None without."""
     nothing: tuple[str, ...] = (shutil.which("true") or "/bin/true",)
     if readable:
         nothing = ("/bin/sh", "-c", UNREADABLE, "sh", *readable)
@@ -232,7 +232,7 @@ def _entry(user: AgentUser | None, folder: Path) -> tuple[str, ...]:
 
 
 def _options(program: str, sandbox: Sandbox, user: AgentUser | None) -> list[str]:
-    """What holds for each agent: its own process ids, a file system to read, devices, and an end with its parent."""
+    """The options for each agent: its own process ids, a file system to read, devices, and an end with its parent."""
     out = ["--die-with-parent", "--unshare-pid", "--unshare-ipc", "--unshare-uts"]
     out += [] if sandbox.network else ["--unshare-net"]
     # Root needs no user namespace to make this one.
@@ -292,7 +292,7 @@ def _keyboards(user: AgentUser | None) -> Iterator[Path]:
 
 
 def _of_the_kernel() -> Iterator[str]:
-    """What /proc has besides processes, as far as it could be written: settings of the whole machine."""
+    """The files in /proc besides processes, as far as it could be written: settings of the whole machine."""
     for entry in os.scandir("/proc"):
         if entry.name.isdigit() or entry.name in OF_PROCESSES or entry.is_symlink():
             continue
@@ -339,7 +339,7 @@ def _covered(path: Path) -> list[str]:
 
 
 def _views(argv: Sequence[str], around: Confinement, user: AgentUser | None) -> list[str]:
-    """What this agent sees besides: places hidden, what it needs of them, its project, its own folder."""
+    """The further mounts of this agent: places hidden, what it needs of them, its project, its own folder."""
     project = _project(around.workdir)
     hidden = _hidden(around.caller)
     wanted = [*belongings(argv, around.variables), *_named_in_task(around.document)]
@@ -438,7 +438,7 @@ def _forms(path: Path) -> list[Path]:
 
 
 def _visible(wanted: Iterable[Path], hidden: Sequence[Path]) -> list[Path]:
-    """What has to be put back: what lies below a hidden folder and would not show one again."""
+    """The paths to mount again: those below a hidden folder that hold no hidden one."""
     found = {
         place
         for path in wanted
@@ -469,7 +469,7 @@ class Kernel:
 
 
 def kernel() -> Kernel:
-    """What this machine's kernel has; asked without changing anything for this process."""
+    """The features of this machine's kernel; asked without changing anything for this process."""
     if sys.platform != "linux":
         return Kernel(False, 0)
     libc = ctypes.CDLL(None, use_errno=True)

@@ -79,7 +79,7 @@ class Model(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What holds for every request: the seconds without a byte after which it is given up, and the options."""
+    """The settings of every request: the seconds without a byte after which it is given up, and the options."""
 
     route: Route
     key: str | None

@@ -40,7 +40,7 @@ CODE = "HOUSEKEEPING-FAILED"
 
 @dataclass(frozen=True, slots=True)
 class Condensed:
-    """What the model answered, at most its cap long; ``cut`` when it wanted to say more."""
+    """The model's answer, at most its cap long; ``cut`` when it was longer."""
 
     text: str
     usage: Usage = field(default_factory=Usage)

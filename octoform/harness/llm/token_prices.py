@@ -1,4 +1,4 @@
-"""What tokens cost: the manifest's own prices, then litellm's table if it is there, then the dated one shipped here.
+"""Prices of tokens: the manifest's own prices, then litellm's table if it is there, then the dated one shipped here.
 
 A price that no one knows stays unknown: a run is never reported as free because its model is not in a table.
 """

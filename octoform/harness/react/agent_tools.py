@@ -38,7 +38,7 @@ GRACE_SECONDS = 1.0
 
 @dataclass(frozen=True, slots=True)
 class ToolResult:
-    """What a tool gives back to the model; ``failed`` when it did not do what was asked."""
+    """The result of a tool for the model; ``failed`` when it did not do what was asked."""
 
     text: str
     failed: bool = False
@@ -142,7 +142,7 @@ PLAIN = os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY | os.O_CLOEXEC
 
 
 class FileToolRefused(ValueError):
-    """What was asked of a file tool is not done; the text is for the model."""
+    """A file tool refuses a call; the text is for the model."""
 
 
 def read_file(workdir: Path, path: str, offset: int = 1, limit: int | None = None) -> ToolResult:
@@ -309,7 +309,7 @@ class Ready:
 
     @property
     def text(self) -> str:
-        """What the call is about."""
+        """The subject of the call."""
         return str(self.arguments.get("command") or self.arguments.get("path") or "")
 
 
@@ -331,7 +331,7 @@ def checked(call: Call) -> Ready | str:
 
 
 def _mismatch(schema: Mapping[str, Any], value: Any, at: str) -> str | None:
-    """What does not fit the schema (of the few forms that are in tools.json), or None."""
+    """The mismatch with the schema (of the few forms that are in tools.json), or None."""
     if not isinstance(value, TYPES[schema["type"]]) or isinstance(value, bool):
         return f"{at or 'the value'} is no {schema['type']}"
     if isinstance(value, list):

@@ -37,7 +37,7 @@ class HeadAndTail:
             self._drop(excess)
 
     def text(self) -> str:
-        """What is kept, readable whatever the bytes were."""
+        """The kept text, decoded with replacement characters."""
         self._drop(max(0, len(self._tail) - self._most_tail))
         head, tail = bytes(self._head), bytes(self._tail)
         if not self._left_out:

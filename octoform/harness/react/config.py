@@ -1,4 +1,4 @@
-"""What the agent's process is given: one JSON file, written by the adapter, that holds no secret."""
+"""The configuration of the agent's process: one JSON file, written by the adapter, that holds no secret."""
 
 import json
 from collections.abc import Sequence

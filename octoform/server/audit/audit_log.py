@@ -308,7 +308,7 @@ def _last(log: int, size: int) -> tuple[int, str, bytes, bool]:
 
 
 def _failed(path: Path, problem: OSError) -> AuditFailed:
-    """What the operating system refuses, with the file's name."""
+    """The error for a refusal of the operating system, with the file's name."""
     if isinstance(problem, AuditFailed):
         return problem
     return AuditFailed(f"{path}: the audit log cannot be written: {problem.strerror or problem}")

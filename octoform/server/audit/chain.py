@@ -31,7 +31,7 @@ _TORN = re.compile(rb'"event":"audit_torn","bytes":(\d+),"sha256":"([0-9a-f]{64}
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What ``verify`` saw. ``line`` is that of ``file`` where the first thing is wrong; ``note`` is no fault."""
+    """The result of ``verify``. ``line`` is that of ``file`` where the first thing is wrong; ``note`` is no fault."""
 
     ok: bool
     records: int

@@ -111,7 +111,7 @@ class Bus:
             raise Busy("stuck", self.words(asks))
 
     def words(self, asks: Holder) -> str:
-        """Who holds the bus, as a sentence without its end; no name of a tool that ``asks`` may not know of."""
+        """The holder of the bus, as a sentence without its end; no name of a tool that ``asks`` may not know of."""
         holder = next((each for each in self.holders if each.stuck), self.holders[0] if self.holders else None)
         if holder is None:
             return f"{self.title} is busy"

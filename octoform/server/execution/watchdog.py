@@ -268,7 +268,7 @@ class Watchdog:
         return any(now > call.deadline for call in tuple(self._calls))
 
     def _fault(self, frame: FrameType | None) -> Fault | None:
-        """Whose code the main thread is in; None while it is our own, the loop's, or a library's that we called."""
+        """The tool whose code the main thread runs; None while it is our own, the loop's or a library's."""
         outermost, where, generated = None, "", False
         while frame is not None and not _is_ours(frame) and frame.f_code is not _LOOP:
             if self._generated is not None and frame.f_code.co_filename.startswith(self._generated):

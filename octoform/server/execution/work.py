@@ -313,7 +313,7 @@ def guarded(function: Callable[..., Any], in_thread: bool = True) -> Callable[..
 
 
 def client_error(work: Work, problem: BaseException) -> BaseException:
-    """What the client hears of an exception of the tool: words meant for it, or a reference to the server's log."""
+    """The client's error for an exception of the tool: a message meant for it, or a reference to the server's log."""
     if isinstance(problem, FastMCPError):
         work.reported = problem
         return problem

@@ -1,1 +1,1 @@
-"""What is before each call of a tool: its registration, validation, elicitation, and what is answered."""
+"""The gate before each call of a tool: registration, validation, elicitation, and the answer."""

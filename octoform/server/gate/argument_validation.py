@@ -46,7 +46,7 @@ _KINDS: dict[str, Callable[[Any], bool]] = {
 
 
 def coercion(function: Callable[..., Any], strict: bool) -> Coerce:
-    """What gives the arguments as ``function`` will receive them, with defaults; raises pydantic's ValidationError.
+    """Returns the arguments as ``function`` will receive them, with defaults; raises pydantic's ValidationError.
 
     A parameter may bear another name in the schema than in the code (an alias). Anyone who calls, limits and approves
     knows the schema alone, so that name is the one that counts.

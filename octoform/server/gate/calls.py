@@ -222,7 +222,7 @@ class Seen:
 
 
 def seen(policy: ToolPolicy, arguments: Mapping[str, Any], content: Any) -> Seen:
-    """What is in a result of a call, of those units that have a range."""
+    """The units with a range in the result of a call."""
     units = policy.units
     if units is None or not policy.places:
         return Seen({})
@@ -240,7 +240,7 @@ def seen(policy: ToolPolicy, arguments: Mapping[str, Any], content: Any) -> Seen
 
 
 def held(call: Call, content: Any, records: Records, ledger: Ledger) -> str:
-    """What the caller hears where the device reports a unit outside of its range; empty where it does not.
+    """The note for the caller when the device reports a unit outside of its range; else empty.
 
     From then on the ledger lets nothing move that unit, but in shadow mode.
     """

@@ -55,7 +55,7 @@ SCHEMA: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """What the person is asked: may ``caller`` call ``tool`` with ``arguments``? ``stops``: how many emergency stops
+    """The question to the person: may ``caller`` call ``tool`` with ``arguments``? ``stops``: how many emergency stops
     there had been when the call came; ``client``: the program that asks, in words."""
 
     tool: str
@@ -87,7 +87,7 @@ class Question:
 
 @dataclass(frozen=True, slots=True)
 class Reply:
-    """What came of asking. ``code`` is approved, asked, declined, cancelled, unanswered, unable or replayed;
+    """The result of asking. ``code`` is approved, asked, declined, cancelled, unanswered, unable or replayed;
     ``ask`` is the answer to send for asked, ``text`` what the client is notified of everything but approved,
     ``approval`` the number of the question."""
 

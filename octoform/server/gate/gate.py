@@ -61,7 +61,7 @@ class Beat:
         self._task = asyncio.get_running_loop().create_task(self._send())
 
     def stop(self) -> None:
-        """Nothing is sent from here on."""
+        """Stop sending progress."""
         self._task.cancel()
 
     async def _send(self) -> None:
@@ -132,7 +132,7 @@ class Gate(Middleware):
         return works
 
     def void(self) -> None:
-        """What came before this moves nothing any more, from any thread: no call that waits, and no approval."""
+        """Void all waiting calls and approvals, from any thread: they may move nothing any more."""
         self._stops = next(self._stop_numbers)
 
     def stuck(self) -> list[dict[str, Any]]:
@@ -212,7 +212,7 @@ class Gate(Middleware):
             self._object(call, refusal.code, refusal.text)
 
     def _look_again(self, call: Call) -> None:
-        """What may have changed while the call waited for a person or for a bus."""
+        """Check again what may have changed while the call waited for a person or for a bus."""
         if call.moves:
             if (stop := self._latch.engaged()) is not None:
                 raise messages.estop(stop)
@@ -222,7 +222,7 @@ class Gate(Middleware):
             raise messages.absent(absent)
 
     def _restrict(self, call: Call) -> None:
-        """What claims forbid for now, or want a person asked about; asked again when the call has its buses."""
+        """Apply the restrictions of claims: refusals and questions to a person; again when the call has its buses."""
         if not call.moves or call.entry.policy.ends:
             return
         found = self.restrictions.against(self._entries.subject(call.entry.name, call.arguments))

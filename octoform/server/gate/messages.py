@@ -28,7 +28,7 @@ def error(text: str) -> ToolResult:
 
 
 def estop(stop: Estop) -> CallRefused:
-    """Nothing that moves is called while the emergency stop is engaged."""
+    """The refusal of a tool that moves something while the emergency stop is engaged."""
     return CallRefused(
         "estop",
         f"emergency stop: engaged by {stop.by} at {stop.since or 'an unknown time'} "
@@ -53,7 +53,7 @@ def absent(names: list[str]) -> CallRefused:
 
 
 def stopped(call: Call, problem: Stopped) -> str:
-    """What a client hears of a call that was stopped while it ran."""
+    """The client's error for a call that was stopped while it ran."""
     policy = call.entry.policy
     if call.work is not None and not call.work.begun:
         why = "the endpoint ends" if problem.cause == "shutdown" else "an emergency stop came"
@@ -73,7 +73,7 @@ def stopped(call: Call, problem: Stopped) -> str:
 
 
 def dry_run(call: Call) -> ToolResult:
-    """What would be done. As data where the tool's output schema has room for that, else as an error without data:
+    """The result of a dry run. As data where the tool's output schema has room for that, else as an error without data:
     a client refuses a result without the data that the schema promises."""
     policy = call.entry.policy
     shown = json.dumps(dict(call.arguments), ensure_ascii=True, default=repr)
@@ -152,7 +152,7 @@ def _short(value: Any) -> bool:
 
 
 def _words(fault: Mapping[str, Any]) -> str:
-    """What the validation states, as the end of a sentence."""
+    """A fault of the validation, as the end of a sentence."""
     text = " ".join(str(fault["msg"]).split())
     text = text.removeprefix("Value error, ").removeprefix("Assertion failed, ").rstrip(".")
     if text.startswith("Input should"):
@@ -193,7 +193,7 @@ def _known(part: Mapping[str, Any]) -> str:
 
 
 def _allowed(part: Mapping[str, Any], depth: int) -> str:
-    """What a schema lets pass, in words; empty when it states nothing about it."""
+    """The values that a schema allows, in words; empty when it does not restrict them."""
     if "const" in part or "enum" in part:
         values = [part["const"]] if "const" in part else list(part["enum"])
         return _either([json.dumps(value) for value in values[:40]])

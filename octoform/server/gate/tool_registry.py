@@ -1,4 +1,4 @@
-"""What is worked out about each tool when the server is loaded, so that a call costs next to nothing.
+"""The facts of each tool that are computed when the server is loaded, so that a call is cheap.
 
 A call looks up one object here: what the policy states, how its arguments are coerced, how its result is compared,
 which queues it is in. A tool that the policy does not know has no entry, and without an entry nothing is called.

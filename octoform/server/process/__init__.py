@@ -1,1 +1,1 @@
-"""What the process is: its descriptor, its lock, its log, its local sockets."""
+"""The server process: its descriptor, its lock, its log, its local sockets."""

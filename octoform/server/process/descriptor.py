@@ -1,4 +1,4 @@
-"""What the endpoint is: the connection descriptor as octoform wrote it beside this package. Standard library only."""
+"""The connection descriptor as octoform wrote it beside this package. Standard library only."""
 
 import hashlib
 from collections.abc import Mapping

@@ -49,7 +49,7 @@ class Peer:
 
 
 def peer(connection: socket.socket) -> Peer:
-    """Who is at the other end, as it was when it connected (SO_PEERCRED of socket(7))."""
+    """The peer of a connection, as it was when it connected (SO_PEERCRED of socket(7))."""
     packed = connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
     pid, uid, _ = struct.unpack("3i", packed)
     return Peer(pid, uid)
@@ -94,14 +94,14 @@ class Client:
     peer: Peer | None = None
 
     def fields(self) -> dict[str, str | int]:
-        """What a record of the audit log reports of it."""
+        """Its fields in a record of the audit log."""
         known: dict[str, str | int] = {"client": self.name} if self.name else {}
         if self.peer is not None:
             known |= {"uid": self.peer.uid, "pid": self.peer.pid}
         return known
 
     def words(self) -> str:
-        """What a person reads of it, in ASCII; empty where nothing is known."""
+        """Its description for a person, in ASCII; empty where nothing is known."""
         claim = f'a client that calls itself "{_ascii(self.name)}"' if self.name else ""
         fact = f"process {self.peer.pid} of user {self.peer.uid}" if self.peer is not None else ""
         return ", ".join(filter(None, [claim, fact]))

@@ -1,4 +1,4 @@
-"""Who is calling: the one question that decides what a call may do.
+"""The caller of a tool, which decides what the call may do.
 
 A client of the Unix socket is this machine's own user and may do everything that the policy allows. Anyone who
 comes over HTTP is the token of *this* request: a session keeps the context of the request that opened it, so that

@@ -1,4 +1,4 @@
-"""What the process reports to anyone who reads its log, which may stand on the very disk that has no room left.
+"""The process's log on standard error, which may be on the very disk that is full.
 
 The log of the process and the audit log share a disk. A sentence that cannot be written there must not break what it
 is about: no call, no door and no emergency stop ends because its complaint found no room.

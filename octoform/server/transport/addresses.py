@@ -60,7 +60,7 @@ def listen(network: Mapping[str, Any], run: Path, backlog: int) -> Listening:
 
 
 def addresses_of(interface: str) -> tuple[str, ...]:
-    """What to bind for ``all``, an address, or an interface such as eth0; NoAddressError when there is none."""
+    """The addresses to bind for ``all``, an address, or an interface (eth0); NoAddressError when there is none."""
     if interface == ALL:
         return ("0.0.0.0", "::") if _has_ipv6() else ("0.0.0.0",)
     with contextlib.suppress(ValueError):

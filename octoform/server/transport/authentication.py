@@ -1,4 +1,4 @@
-"""Who gets in over HTTP: the token of each request, and an end to everything of a token that counts no more.
+"""Authentication over HTTP: the token of each request, and an end to everything of a token that counts no more.
 
 A request is checked when it comes, but a stream may stay open for days and a session is only a number. So whatever is
 open is kept by the token that opened it, and ends soon after that token was revoked, given a new value, or ran out.
@@ -110,7 +110,7 @@ class Verifier(TokenVerifier):
         self._tokens = tokens
 
     async def verify_token(self, token: str) -> AccessToken | None:
-        """What the token may do; None when it is not, or no more, one of this host."""
+        """The rights of the token; None when it is not, or no more, one of this host."""
         found = self._tokens.find(token)
         if found is None:
             return None
@@ -120,7 +120,7 @@ class Verifier(TokenVerifier):
 
 
 class Open:
-    """What is open of each token: requests under way (streams are requests that last) and sessions."""
+    """The open work of each token: requests under way (streams are requests that last) and sessions."""
 
     def __init__(self, app: ASGIApp, tokens: Tokens) -> None:
         self.app = app

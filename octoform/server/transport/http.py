@@ -121,7 +121,7 @@ class Connection(H11Protocol):
             self._deadline = self.loop.call_later(self.seconds[phase[0]], self._give_up, phase[0])
 
     def _now(self) -> tuple[str, object] | None:
-        """What the client owes, and for which request; None while it owes nothing."""
+        """The part that the client has yet to send (head, body, linger) and its request; None when complete."""
         if self.conn.their_state is h11.IDLE:
             # Between two requests, uvicorn's own keep-alive timer runs until the first byte comes.
             return None if self.timeout_keep_alive_task is not None else ("head", self.cycle)

@@ -151,7 +151,7 @@ def _greet(connection: socket.socket, full: bool) -> bool:
 
 
 class _Outbox:
-    """What goes to a client. ``leave`` is called when it has to go because it does not read."""
+    """The queue of messages to a client. ``leave`` is called when it has to go because it does not read."""
 
     def __init__(self, writer: asyncio.StreamWriter, leave: Callable[[], None]) -> None:
         self._transport = writer.transport

@@ -190,7 +190,7 @@ class Acquired:
 
 
 def read_holder(layout: Layout) -> Holder | Diagnostic | None:
-    """Who holds the lock; None when no one does; STATE-LOCK-UNREADABLE when the file is no lock."""
+    """The holder of the lock; None when there is none; STATE-LOCK-UNREADABLE when the file is no lock."""
     data, problem = read_regular(layout.lock, _LIMIT)
     if problem is not None:
         return problem

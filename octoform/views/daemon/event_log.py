@@ -184,7 +184,7 @@ class Objects:
         self._print_health(made)
 
     def end(self) -> None:
-        """Nothing is left to be shown."""
+        """Has no effect: no line is pending."""
 
     def _print_health(self, made: Cycle) -> None:
         health = made.health

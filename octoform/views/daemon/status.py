@@ -57,7 +57,7 @@ def status(console: Console, found: Status, surveyed: Survey, *, as_json: bool) 
 
 
 def uncompared(console: Console, found: Status, surveyed: Survey, *, as_json: bool) -> int:
-    """Nothing can be planned, and so nothing compared; the status of the deployment is shown all the same.
+    """Reports a failed plan, without a comparison; the status of the deployment is shown all the same.
 
     Exit code 1, or that of ``health`` where it is not healthy.
     """

@@ -172,7 +172,7 @@ def _decision(record: Record) -> list[str]:
 
 
 def _caller(record: Record) -> str:
-    """Who called: the caller, what its program calls itself, and its process; of old records what they know."""
+    """The caller of a tool, its program and its process; of old records what they have."""
     name, pid, uid = record.get("client"), record.get("pid"), record.get("uid")
     program = json.dumps(str(name), ensure_ascii=False) if name else ""  # its own words stay between the quotes
     process = f"pid {pid} of uid {uid}" if pid is not None else ""

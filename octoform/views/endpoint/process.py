@@ -62,14 +62,14 @@ def unit(console: Console, found: Unit) -> None:
 
 
 def machine_wide(console: Console, found: Unit) -> int:
-    """Nothing was written; what a person would do who wants it for the whole machine."""
+    """The commands for an installation for the whole machine; nothing was written."""
     console.line("Nothing was written. For the whole machine, write these files to the places above as root, then:")
     console.raw(f"  systemctl daemon-reload\n  systemctl enable --now {found.name} {found.watch.name}")
     return 0
 
 
 def no_machine_wide(console: Console, found: Unit) -> int:
-    """Nothing was taken away; what a person would do."""
+    """The commands for removing it by hand; nothing was removed."""
     console.line("Nothing was taken away. For the whole machine, as root:")
     console.raw(f"  systemctl disable --now {found.watch.name} {found.name}")
     console.line(f"  rm {found.watch.path} {found.path}\n  systemctl daemon-reload")

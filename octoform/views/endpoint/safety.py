@@ -61,7 +61,7 @@ def _held(done: Estop) -> str:
 
 
 def cleared(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
-    """Who had engaged it and when; exit code 0 when all are open."""
+    """Show who had engaged it and when; exit code 0 when all are open."""
     ok = not found and all(item.ok for item in done)
     if as_json:
         _document(console, done, found, ok=ok)

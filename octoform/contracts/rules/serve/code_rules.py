@@ -146,7 +146,7 @@ def shell(value: str, _: Artifacts) -> list[Diagnostic]:
 
 
 def unsafe_loads(value: str, _: Artifacts) -> list[Diagnostic]:
-    """Nothing is unpickled: device data would become code."""
+    """A server may not unpickle: device data would become code."""
     source = needed_source(value)
     hint = "use json, struct or plain text"
     return [

@@ -43,7 +43,7 @@ _CACHES = frozenset({"functools.cache", "functools.lru_cache", "functools.cached
 
 
 def device_at_import(value: str, _: Artifacts) -> list[Diagnostic]:
-    """Nothing that runs at import opens a file, a device or a program, directly or through a function."""
+    """No code that runs at import opens a file, a device or a program, directly or through a function."""
     source = needed_source(value)
     hint = "find and open the device inside the tool that needs it"
     return [
