@@ -1,4 +1,4 @@
-"""What the applied endpoint looks like now, compared with what apply left: the endpoint's share of a plan's drift.
+"""Compares the applied endpoint with what apply left: the endpoint's share of a plan's drift.
 
 Light: a few files are read and hashed, one folder is listed; nothing is started and nothing is asked, so a plan that
 has nothing to do stays fast (a few milliseconds).
@@ -35,7 +35,7 @@ _WORDS = {LAUNCHER: "the launcher", CONNECTION: "the connection descriptor", POL
 
 @dataclass(frozen=True, slots=True)
 class Expected:
-    """What the accepted artifacts call for; None stands for what the endpoint was made for.
+    """The endpoint that the accepted artifacts need; None stands for what the endpoint was made for.
 
     ``server`` is the digest of server.py's bytes.
     """

@@ -97,7 +97,7 @@ class Tail:
         return (there.st_dev, there.st_ino) != (ours.st_dev, ours.st_ino) or there.st_size < self._file.tell()
 
     def _more(self) -> bytes:
-        """What was added, without secrets, up to the last end of a line."""
+        """The added lines, without secrets, up to the last end of a line."""
         if self._file is None or self._redactor is None:
             return b""
         self._rest += self._redactor.feed(self._file.read())
@@ -109,7 +109,7 @@ class Tail:
         return whole
 
     def _ended(self) -> bytes:
-        """What the file that is left held back, as a line."""
+        """The unfinished last line of the former file."""
         last = self._rest + (self._redactor.flush() if self._redactor else b"")
         return last + b"\n" if last else b""
 
@@ -147,7 +147,7 @@ class Logs:
     tails: tuple[Tail, ...]
 
     def read(self) -> list[Line]:
-        """What came since the last time, in order."""
+        """The lines since the last call, in order."""
         return sorted((line for tail in self.tails for line in tail.read()), key=lambda line: line.at)
 
     def close(self) -> None:

@@ -31,7 +31,7 @@ class Conversation:
         self._waiting: dict[str, tuple[Message, bytes]] = {}
         """The client's requests without an answer by id, each as it was sent where it may be sent again."""
         self._asked: dict[str, Message] = {}
-        """What the endpoint asked the client, and has no answer to, by id."""
+        """The endpoint's unanswered requests to the client, by id."""
         self._stale: set[str] = set()
         """Ids of questions of an endpoint that is gone, which the client may still answer."""
         self._initialize: Message | None = None
@@ -83,7 +83,7 @@ class Conversation:
         return failed(message["id"], why)
 
     def from_client(self, line: bytes) -> bytes:
-        """What of a message of the client goes to the endpoint."""
+        """The part of a client's message that goes to the endpoint."""
         message = _object(line) if self._stale else None
         if message is None or "method" in message or "id" not in message or _key(message["id"]) not in self._stale:
             return line
@@ -233,7 +233,7 @@ MAX_LINE = 9 << 20
 
 
 def read(source: int) -> bytes | None:
-    """What can be read now; empty at the end, None when there is nothing yet."""
+    """The available bytes; empty at the end, None when there is nothing yet."""
     try:
         return os.read(source, CHUNK)
     except BlockingIOError:
@@ -252,7 +252,7 @@ class Up:
         self._parts: list[bytes] = []
         self._part_bytes = 0
         self._ahead: deque[bytes] = deque()
-        """What this endpoint is sent in the client's name, before anything of the client's own."""
+        """The messages to this endpoint in the client's name, before the client's own."""
         self._lines: deque[bytes] = deque()
         self._bytes = 0
         self._current, self._own, self._gone = b"", False, 0

@@ -1,4 +1,4 @@
-"""What the endpoint enforces: policy, profiles and INTERFACE brought together, for each tool by its name. Pure, light.
+"""The rules of the endpoint: policy, profiles and INTERFACE combined, for each tool by its name. Pure, light.
 
 The process that holds the devices only enforces; it knows no globs, no defaults and no profiles. Here they are
 resolved, once for each publishing. Where several sources speak of one bound the tighter one is taken and named, so no
@@ -221,7 +221,7 @@ def _asked(policy: Policy, tool: Tool, writing: Collection[str]) -> dict[str, st
 
 
 def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:
-    """What happens to a call, and by which rule: the first rule that names the tool, else its effect class."""
+    """The decision on a call, with its rule: the first rule that names the tool, else its effect class."""
     for index, rule in enumerate(policy.rules):
         if rule.matches(tool["name"]):
             return rule.decision, f"policy.rules[{index}]"
@@ -293,7 +293,7 @@ def _of_profile(item: Mapping[str, Any]) -> Limit:
 
 
 def _limits(tool: Tool, found: list[Claim]) -> Iterator[dict[str, Any]]:
-    """What is in force: for each parameter, then for calls."""
+    """The limits in force: for each parameter, then for calls."""
     found = [claim for claim in found if not claim.limit.units]  # those are of single units, and become limits of goals
     named = dict.fromkeys(claim.limit.parameter for claim in found if claim.limit.parameter is not None)
     for name in named:

@@ -1,4 +1,4 @@
-"""What of a policy concerns none of the tools that there are: believed to be in force, it is worse than none.
+"""Finds rules of a policy that match no tool: believed to be in force, such a rule is worse than none.
 
 The manifest is written before an agent has named the tools, so this can only be checked afterwards. Pure, light.
 """

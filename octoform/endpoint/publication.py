@@ -255,7 +255,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
 
 
 def client_command(layout: Layout) -> list[str]:
-    """What a client starts: this interpreter by its absolute path, so it can be started from any folder.
+    """The command that a client starts: this interpreter by its absolute path, so it can be started from any folder.
 
     An octoform of the PATH instead, where this one will not stay.
     """

@@ -12,7 +12,7 @@ import socket
 MAX_PATH_BYTES = 100
 """Bytes of a path that every system takes for a socket (unix(7): 108 with the end)."""
 GREETING = b"\n"
-"""What the endpoint reports first to each client: a line without a message, which every reader of lines passes over."""
+"""The endpoint's greeting to each client: a line without a message, which every reader of lines passes over."""
 
 
 def connect(path: str | os.PathLike[str], seconds: float) -> socket.socket:

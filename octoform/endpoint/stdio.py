@@ -17,7 +17,7 @@ from octoform.endpoint.mcp_session import Conversation, Down, Up, read
 from octoform.endpoint.sockets import GREETING
 
 PIPE_BYTES = 1 << 20
-"""What a pipe may hold, where the system grants it: a picture then passes in a few steps instead of many."""
+"""Bytes that a pipe may hold, where the system grants it: a picture then passes in a few steps instead of many."""
 STEP_MS, REST_MS = 50, 500
 """Milliseconds between two looks for another endpoint: while the client waits for one, and while it does not."""
 REFUSAL_SECONDS = 2.0

@@ -1,4 +1,4 @@
-"""What a recording may say: nothing of this one host, of the places on this machine, or of a secret. (Heavy.)
+"""Removes from a recording all traces of this host, of its folders and of secrets. (Heavy.)
 
 Accepted artifacts hold kinds only; all else that an attempt leaves (what its agent wrote, its commands, its edit of the
 spec, an output that was refused) was written where serial numbers, folders and names are in plain sight.
@@ -120,7 +120,7 @@ def secret_values(names: Iterable[str], environ: Mapping[str, str]) -> dict[str,
 
 
 def secrets_in(data: bytes, values: Mapping[str, str]) -> list[str]:
-    """What secrets a file holds, for a person: variables by their names, and what has the form of one."""
+    """The secrets in a file, for a person: variables by their names, and what has the form of one."""
     texts = [data, *(text.encode("utf-8", "replace") for text in _strings(_values(data)))]
     found = [name for name, value in values.items() if any(form in text for form in spellings(value) for text in texts)]
     stream = Redactor()
@@ -154,7 +154,7 @@ def _from_ledger(layout: Layout) -> dict[str, Any] | None:
 
 
 def _from_members(outputs: Iterable[bytes]) -> dict[str, Any]:
-    """What refused outputs call a serial number or a name, in the form of an artifact: they need not have any."""
+    """Values that rejected outputs give as serial number or name; such outputs need not have an artifact's form."""
     values = sorted({value for data in outputs for value in members(data.decode("utf-8", "replace"))})
     return {"platform": {}, "devices": [{"id": "", "instance": {"serial": value}} for value in values]}
 

@@ -129,7 +129,7 @@ def remove(project: Path, environ: Mapping[str, str], client: str) -> tuple[Outc
 
 
 def notes(outcome: Outcome) -> tuple[str, ...]:
-    """What a person has to do so that the client works with what was written."""
+    """The steps by hand after which the client works with the new entry."""
     if outcome.state in ("present", "absent", "removed"):
         return ()
     lines = _token_notes(outcome.client) if outcome.transport == HTTP and outcome.client.reference else []

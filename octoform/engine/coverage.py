@@ -47,7 +47,7 @@ OFFERED = "profile_offered"
 
 
 class Standing(StrEnum):
-    """What became of a device that PROBE listed."""
+    """The coverage of a device that PROBE listed."""
 
     USABLE = "usable"
     NAMED = "named"
@@ -141,7 +141,7 @@ class Funnel:
 
 @dataclass(frozen=True, slots=True)
 class Coverage:
-    """What the artifacts say of one host."""
+    """The coverage of one host by its artifacts."""
 
     devices: tuple[Device, ...]
     funnel: Funnel
@@ -166,7 +166,7 @@ class Coverage:
 
 @dataclass(frozen=True, slots=True)
 class Ground:
-    """What coverage rests on: accepted artifacts by stage, answers and tiers by device, tools denied to all.
+    """The inputs of coverage: accepted artifacts by stage, answers and tiers by device, tools denied to all.
 
     ``closed`` are devices that this user may not use now, each with the sentence that states why; ``offers`` are
     devices that a profile matches which the manifest does not name, each with the profile and the line that names it.
@@ -318,7 +318,7 @@ def notes(snapshot: Snapshot, artifacts: Mapping[str, Any], files: Mapping[str, 
 
 
 def _of(state: NodeState, used: bool, digest: str | None) -> Iterator[str]:
-    """What is shown of one stage by itself."""
+    """The view of one stage by itself."""
     if state.status is not Status.ACCEPTED:
         ended = "was interrupted" if state.status is Status.INTERRUPTED else "failed"
         kept = "what was accepted before is shown" if used else "nothing of it was accepted yet"
@@ -343,7 +343,7 @@ MAX_SPEC_BYTES = 1 << 20
 
 @dataclass(frozen=True, slots=True)
 class Stage:
-    """What the accepted output of a stage took, all of its attempts together; ``seconds`` are wall time."""
+    """The cost of a stage's accepted output, all of its attempts together; ``seconds`` are wall time."""
 
     name: str
     agent: str
@@ -461,7 +461,7 @@ def _outputs(schemas: Path) -> Output:
 def _stability(
     artifacts: Mapping[str, Any], snapshot: Snapshot, attempts: Sequence[Attempt], found: Sequence[tuple[Attempt, Run]]
 ) -> Stability | None:
-    """What the runs say that were given the same as the latest; the accepted artifacts where no run is kept here."""
+    """The coverage of the runs with the same inputs as the latest; the accepted artifacts where no run is kept here."""
     if "identify" not in artifacts:
         return None
     if not found:

@@ -80,7 +80,7 @@ class Renamed:
 
 @dataclass(frozen=True, slots=True)
 class Stability:
-    """What N runs agree on. ``compared`` devices are in at least two runs, ``same`` of them alike in all of theirs.
+    """The agreement of N runs. ``compared`` devices are in at least two runs, ``same`` of them alike in all of theirs.
 
     ``agents`` are who ran, with how many runs. ``core`` are the abilities of every run, ``abilities`` how many there
     were in any, ``names`` how many different names their tools had. ``skipped`` runs were given something else than
@@ -114,7 +114,7 @@ def run_of(agent: str, identify: Mapping[str, Any], interface: Mapping[str, Any]
 
 
 def compare(given: Sequence[Run], skipped: int = 0) -> Stability:
-    """What the runs agree on."""
+    """Compute the agreement of the runs."""
     runs, renamed = _aligned(given)
     several = {name: text for name, text in _by_device(runs).items() if len(text) > 1}
     found = [item for name, text in several.items() for item in _differences(name, text)]
@@ -209,7 +209,7 @@ def _renaming(run: Run, alias: Mapping[Ability, str]) -> Run:
 ESCALATE = "escalate"
 Number = TypeVar("Number", int, float)
 Output = Callable[[Attempt], Mapping[str, Any] | None]
-"""What an accepted attempt wrote, where it can still be read."""
+"""The output of an accepted attempt, where it can still be read."""
 _MEMBER = {"probe": "devices", "identify": "devices", "interface": "tools"}
 
 
@@ -269,7 +269,7 @@ def _turn(item: Attempt) -> tuple[int, int]:
 
 
 def passes(groups: Iterable[Sequence[Attempt]], output: Output) -> tuple[Pass, ...]:
-    """What each pass took and came to; a stage that did not run stands as the pass before left it."""
+    """The cost and result of each pass; a stage that did not run stands as the pass before left it."""
     counts: dict[str, int | None] = dict.fromkeys((*_MEMBER, "unknown"))
     found = []
     for group in groups:

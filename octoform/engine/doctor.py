@@ -309,7 +309,7 @@ class Installed:
 
 @dataclass(frozen=True, slots=True)
 class InstallResult:
-    """What is there now, and what could not be installed."""
+    """The installed programs, and those that could not be installed."""
 
     installed: tuple[Installed, ...]
     diagnostics: tuple[Diagnostic, ...]
@@ -393,7 +393,7 @@ def elsewhere(prefix: Path, requirement: str) -> str | None:
 
 
 def _requirement() -> str:
-    """What octoform's own extra asks for."""
+    """The requirements of octoform's own extra."""
     found = (_EXTRA.match(line) for line in importlib.metadata.requires("octoform") or ())
     return next((item[1].strip() for item in found if item), LITELLM)
 

@@ -30,7 +30,7 @@ class Started:
 
 @dataclass(frozen=True, slots=True)
 class Stopped:
-    """What was ended; ``process`` is None when nothing ran, ``firmly`` when it had to be killed."""
+    """The result of a stop; ``process`` is None when nothing ran, ``firmly`` when it had to be killed."""
 
     host: str
     process: Running | None
@@ -121,7 +121,7 @@ class Companion:
 
 @dataclass(frozen=True, slots=True)
 class Unit:
-    """What would be written, and where; ``own`` for the person's own manager, else for the whole machine."""
+    """The unit files to write, with their paths; ``own`` for the person's own manager, else for the whole machine."""
 
     layout: Layout
     name: str

@@ -245,7 +245,7 @@ def _text(device: Mapping[str, Any], answer: str) -> tuple[str, str]:
 
 
 def _named_in(answer: str) -> str:
-    """What an answer calls the device, letter by letter: without the words before the name and the place behind it."""
+    """The device's name in an answer, verbatim: without the words before the name and the place behind it."""
     found = _BEFORE.sub("", " ".join(answer.split()))
     return _BEHIND.split(found, maxsplit=1)[0].strip(" .,;:!")[:120]
 

@@ -30,7 +30,7 @@ NOT_RUNNING = "the endpoint is not running"
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """What serves the endpoint now, if anything does.
+    """The process that serves the endpoint now, if any.
 
     ``reported`` is the process's own answer, whose members grow with the endpoint: ``clients``, ``stuck``, ``estop``,
     ``tunnel``. None when nothing runs, or when what runs did not answer. ``estop`` is what engaged the emergency stop,
@@ -109,7 +109,7 @@ def _process(layout: Layout) -> Process:
 
 
 def _engaged_estop(layout: Layout) -> Mapping[str, Any] | None:
-    """What engaged the emergency stop; whatever is in the latch's place holds it, readable or not."""
+    """The record of the engaged emergency stop; any file in the latch's place engages it, readable or not."""
     try:
         words = files.read_json(layout.run / LATCH, any_text=True)
         return {name: str(words[name]) for name in ("by", "reason", "since")}
@@ -127,7 +127,7 @@ def _problem_texts(process: Process, problems: Sequence[Diagnostic]) -> tuple[st
 
 
 def _tunnel(layout: Layout, process: Process) -> list[str]:
-    """What is promised to the internet and cannot be reached from there; a silent process is reported already."""
+    """Problems of an endpoint with internet scope that cannot be reached; a silent process is reported already."""
     if process.reported is None or "error" in process.reported or (problem := no_tunnel(tunnel_now(layout))) is None:
         return []
     return [problem.summary]  # the process's report on its tunnel has the reason

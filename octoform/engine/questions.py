@@ -25,7 +25,7 @@ Environ = Mapping[str, str]
 
 @dataclass(frozen=True, slots=True)
 class Asked:
-    """What is between a host and its person: open questions, answers, the devices that can be spoken of."""
+    """The questions of a host to its person: open ones, answers, the devices that can be spoken of."""
 
     questions: tuple[OpenQuestion, ...]
     answers: Mapping[str, str]

@@ -114,7 +114,7 @@ class Recorded:
 
 @dataclass(slots=True)
 class _Gathered:
-    """What will be written: file name to bytes; ``accepted`` are the names of files that are in git already."""
+    """The files to write: file name to bytes; ``accepted`` are the names of files that are in git already."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     accepted: set[str] = field(default_factory=set)
@@ -260,7 +260,7 @@ def _veiled(moments: Sequence[transcript.Moment], within: Anonymizer) -> bytes:
 
 
 def _left(item: Attempt, within: Anonymizer) -> tuple[recording.Output | None, bytes]:
-    """What a refused attempt left where its output belongs."""
+    """The output file of a rejected attempt."""
     name = OUTPUT_NAMES.get(item.stage, "output.json")
     try:
         facts = (item.folder / name).lstat()
@@ -276,7 +276,7 @@ def _left(item: Attempt, within: Anonymizer) -> tuple[recording.Output | None, b
 
 
 def _output_bytes(item: Attempt) -> bytes:
-    """What an attempt wrote; empty when it is nothing that would be read."""
+    """The output of an attempt; empty when it is no readable file."""
     return read_plain(item.folder / OUTPUT_NAMES.get(item.stage, "output.json"), MAX_JSON_BYTES) or b""
 
 

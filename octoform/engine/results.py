@@ -1,4 +1,4 @@
-"""What the engine's operations return, for views to show. Light: no heavy import."""
+"""The results of the engine's operations, for views. Light: no heavy import."""
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -44,7 +44,7 @@ class EndpointSummary:
 
 @dataclass(frozen=True, slots=True)
 class RunUsage:
-    """What the agents of a run used: tokens as counts, US dollars and who priced them; None is unknown."""
+    """The usage of a run's agents: tokens as counts, US dollars and who priced them; None is unknown."""
 
     input_tokens: int | None = None
     cached_tokens: int | None = None

@@ -77,7 +77,7 @@ def person() -> str:
 
 
 def _each(project: Path, do: Callable[[Layout], Estop]) -> tuple[list[Estop], list[Diagnostic]]:
-    """What came of it for each endpoint; a problem where there is none, or one that this user may not see."""
+    """The result for each endpoint; a problem where there is none, or one that this user may not see."""
     layouts = _layouts(project)
     shut = foreign_among(project)
     found = [shut] if shut else []

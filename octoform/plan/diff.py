@@ -27,7 +27,7 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Observed:
-    """What is there: artifact digests by stage (None: missing), links, contract complaints, endpoint complaints.
+    """The observed state: artifact digests by stage (None: missing), links, contract complaints, endpoint complaints.
 
     ``contract`` holds, by stage, why an accepted artifact no longer passes (empty when it does or was not asked);
     ``endpoint`` holds plain sentences about the live side; ``hardware`` explains a moved fingerprint.
@@ -45,7 +45,7 @@ class Observed:
 
 @dataclass(frozen=True, slots=True)
 class Wishes:
-    """What the person asked for: nodes to replace, nodes to keep to (None: all), key parts to overlook."""
+    """The person's options: nodes to replace, nodes to keep to (None: all), key parts to overlook."""
 
     replace: frozenset[str] = frozenset()
     targets: frozenset[str] | None = None

@@ -14,7 +14,7 @@ from octoform.records import dataclass
 
 
 class Action(StrEnum):
-    """What happens to a node. The words are Terraform's."""
+    """The action on a node. The words are Terraform's."""
 
     CREATE = "create"
     UPDATE = "update"
@@ -90,7 +90,7 @@ class PlannedAction:
 
 @dataclass(frozen=True, slots=True)
 class StepOutlook:
-    """What a privileged step would do, as far as it is known before it runs.
+    """The outlook of a privileged step, as far as it is known before it runs.
 
     ``kind`` is that of its proof. ``devices`` are those whose tools it would prove; None: not known before IDENTIFY has
     run. Where there is none the step is skipped: ``profile`` is the one that holds for no device, ``near`` names a

@@ -19,7 +19,7 @@ from octoform.records import dataclass
 
 
 class Unit(BaseModel):
-    """What must still hold for one node: known key parts, the prior key, the artifact's digest."""
+    """The constraints of one node: known key parts, the prior key, the artifact's digest."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 

@@ -32,7 +32,7 @@ MAX_FILES = 1000
 
 @dataclass(frozen=True, slots=True)
 class FileFacts:
-    """What is there of one stage.
+    """The accepted files of one stage.
 
     ``exists``: its main output is a regular file. ``digest`` is `file_digest` (None when anything is in the way),
     ``is_link`` shows that the folder or something in it is a symbolic link, ``problem`` why it cannot be read.

@@ -26,7 +26,7 @@ from octoform.state.layout import Layout
 
 FORMAT = 1
 GENERATIONS = 2
-"""What is accepted now, and what was accepted before: a rewrite that is taken back finds the former files."""
+"""The present and the former accepted files: a rewrite that is taken back finds the former files."""
 MAX_BYTES = 8_000_000
 """Of all files of one node together; artifacts are texts, and what is larger is made again rather than copied."""
 ENDPOINT = "endpoint"
@@ -183,7 +183,7 @@ _MARKER = re.compile(rb"^(<{7} |>{7} )", re.MULTILINE)
 
 
 class Damage(StrEnum):
-    """What is wrong with a file; the last one is no damage."""
+    """The kinds of damage of a file; the last one is none."""
 
     MISSING = "missing"
     LINK = "a link or no file"

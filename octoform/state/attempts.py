@@ -21,7 +21,7 @@ MAX_BYTES = 1 << 20
 
 
 class SpecEdit(Persisted):
-    """What an agent made of its copy of the spec; ``permitted`` is False when it was not asked to touch it."""
+    """An agent's edit of its copy of the spec; ``permitted`` is False when it was not asked to touch it."""
 
     digest: str
     permitted: bool

@@ -105,7 +105,7 @@ def reason_of(problem: OSError) -> str:
 
 
 def refused(problem: OSError, path: Path) -> Diagnostic:
-    """What a failed write means: STATE-DISK-FULL, STATE-READ-ONLY or STATE-WRITE-FAILED."""
+    """The diagnostic for a failed write: STATE-DISK-FULL, STATE-READ-ONLY or STATE-WRITE-FAILED."""
     where = display(path)
     if problem.errno in _FULL:
         return _disk_full(problem, path)

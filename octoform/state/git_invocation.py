@@ -30,7 +30,7 @@ _FIXED = {
     "GIT_EDITOR": ":",
 }
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
-"""What a git that may have called us, as from a hook, passes about its own repository."""
+"""The variables with which a calling git, as in a hook, names its own repository."""
 _PROGRAM = re.compile(
     r"(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",

@@ -14,7 +14,7 @@ STEP = "step."
 STEPS = "steps"
 UNATTENDED = "unattended.json"
 _ON_THE_WAY = ("adopting.json", "former-server.py", "state.json.backup", UNATTENDED)
-"""What a killed run is finished from, or gone back to."""
+"""The files by which a killed run is finished or rolled back."""
 _MEMORY = (
     "asks.json",
     "breakers.json",
@@ -72,7 +72,7 @@ class Layout:
 
     @property
     def fingerprint(self) -> Path:
-        """What the kernel announced when PROBE was last accepted; lets a plan say what came and went."""
+        """The kernel's devices when PROBE was last accepted; by them a plan lists what came and went."""
         return self.local / "fingerprint.json"
 
     @property
@@ -82,11 +82,11 @@ class Layout:
 
     @property
     def spec_edits(self) -> Path:
-        """What agents made of their specs, waiting for a person."""
+        """Agents' edits of their specs, waiting for a person."""
         return self.local / "specs"
 
     def spec_edit(self, stage: str) -> Path:
-        """What an agent made of a stage's spec in the last run that edited it."""
+        """An agent's edit of a stage's spec in the last run that edited it."""
         return self.spec_edits / f"{stage}.json"
 
     def records(self) -> tuple[Path, ...]:
@@ -115,7 +115,7 @@ class Layout:
 
     @property
     def run(self) -> Path:
-        """What the running endpoint keeps: its sockets, its record, tokens, counters, latches; mode 0700."""
+        """The files of the running endpoint: its sockets, its record, tokens, counters, latches; mode 0700."""
         return self.local / "run"
 
     @property
@@ -130,7 +130,7 @@ class Layout:
 
     @property
     def server_log(self) -> Path:
-        """What the endpoint's process printed."""
+        """The output of the endpoint's process."""
         return self.logs / "server.log"
 
     @property
@@ -140,7 +140,7 @@ class Layout:
 
     @property
     def daemon(self) -> Path:
-        """What the daemon remembers: its record, incidents, breakers, readings, claims, health; mode 0700."""
+        """The daemon's files: its record, incidents, breakers, readings, claims, health; mode 0700."""
         return self.local / "daemon"
 
     @property
@@ -150,7 +150,7 @@ class Layout:
 
     @property
     def restrictions(self) -> Path:
-        """What may not be called while a claim holds; written for the endpoint, which lets go of each at its end."""
+        """The restrictions of claims; written for the endpoint, which releases each at its end."""
         return self.run / "restrictions.json"
 
     @property

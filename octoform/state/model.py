@@ -1,4 +1,4 @@
-"""What is persisted in ``state/<host>/state.json``.
+"""The content of ``state/<host>/state.json``.
 
 Fields that this octoform does not know are kept and written back as they were, so that two people with different
 octoforms can work on one repository; a change that an older one must not touch raises ``format``, which it refuses.
@@ -32,7 +32,7 @@ class Persisted(BaseModel):
 
 
 class Usage(Persisted):
-    """What the accepted run's agents cost: tokens as counts, cost in US dollars and who priced it; None is unknown."""
+    """The cost of the accepted run's agents: tokens as counts, US dollars and who priced them; None is unknown."""
 
     input_tokens: int | None = None
     cached_tokens: int | None = None
@@ -42,7 +42,7 @@ class Usage(Persisted):
 
 
 class NodeState(Persisted):
-    """What is known of one node.
+    """The state of one node.
 
     ``key``, ``key_parts``, ``output_digest`` (canonical: instances and times omitted) and ``file_digest`` (the
     committed files as they are) belong to the accepted output and are empty when there never was one; they survive

@@ -59,7 +59,7 @@ def find(layout: Layout) -> Donors:
 
 
 def _reusable(other: Layout, files: frozenset[Path] | None) -> Iterator[tuple[str, ReusableOutput]]:
-    """What a host lends; ``files`` are those that count (None: all)."""
+    """The reusable outputs of a host; ``files`` are those that count (None: all)."""
     if files is not None and other.snapshot not in files:
         return
     snapshot, _ = read_snapshot(other)

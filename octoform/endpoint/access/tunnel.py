@@ -27,7 +27,7 @@ PROOF_SECONDS = 60.0
 
 @dataclass(frozen=True, slots=True)
 class Revocation:
-    """What was found. ``answered_before`` shows whether the address answered just before (None: there was no address);
+    """The proof of a revocation. ``answered_before``: it answered just before (None: there was no address);
     ``asked`` whether a process that serves took part."""
 
     pid: int | None
@@ -92,7 +92,7 @@ def _not_proved(detail: str) -> Diagnostic:
 
 OPENING, RUNNING = "starting", "running"
 OPEN_SECONDS = 15.0
-"""What a tunnel may take for its address before a person is notified that it has none."""
+"""Seconds that a tunnel may take for its address before a person is notified that it has none."""
 _STEP = 0.1
 _WORDS = {"revoked": "the tunnel is revoked", OPENING: "the tunnel has no address yet"}
 

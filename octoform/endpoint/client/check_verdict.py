@@ -1,4 +1,4 @@
-"""What a check of the endpoint means: faults of the server are errors, faults of the room are warnings.
+"""The verdict on a check of the endpoint: faults of the server are errors, environment problems are warnings.
 
 A tool that raises AttributeError is wrong on every host; a tool that finds its device unplugged, busy or not
 permitted is right, and refusing it would keep a host from ever being onboarded.
@@ -44,7 +44,7 @@ class SampleCallResult:
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
-    """What the client saw. ``tools`` are the served tools with their schemas, in the spelling of the artifacts."""
+    """The client's observations. ``tools`` are the served tools with their schemas, as the artifacts spell them."""
 
     answered: bool
     error: str | None
@@ -302,7 +302,7 @@ def _program(kind: str, text: str) -> str | None:
 
 
 def _untrue(call: SampleCallResult, schema: Mapping[str, Any], devices: frozenset[str]) -> list[Diagnostic]:
-    """What of the results of a call cannot be true."""
+    """Diagnostics for results of a call that cannot be true."""
     found = []
     for_device = f"{call.tool} for {call.device}" if call.device else call.tool
     lines = [line for result in call.results[:1] for line in out_of_bounds(result, schema)]

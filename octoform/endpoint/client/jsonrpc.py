@@ -26,7 +26,7 @@ _PREFIX = "io.modelcontextprotocol"
 _CHUNK = 1 << 16
 _FAREWELL_SECONDS = 1.0
 _LEAST_SECONDS = 0.25
-"""What sending may take at least: a socket without any time would not wait at all."""
+"""Seconds that sending may always take: a socket without any time would not wait at all."""
 
 Progress = Callable[[float, float | None, str], None]
 

@@ -37,7 +37,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class ClientReport:
-    """What the client saw; ``tools`` and ``calls`` in the form that scripts/mcp_client.py describes."""
+    """The client's observations; ``tools`` and ``calls`` in the form that scripts/mcp_client.py describes."""
 
     answered: bool
     error: str | None

@@ -33,7 +33,7 @@ from octoform.state.layout import Layout
 
 @dataclass(frozen=True, slots=True)
 class EndpointState:
-    """What was just seen: whether the endpoint answered, else why not, and the names of the tools that it listed."""
+    """The state of an endpoint as just seen: whether it answered, else why not, and the names of its tools."""
 
     answered: bool
     error: str | None = None
@@ -75,7 +75,7 @@ def record_state(layout: Layout, asked: str | None, state: EndpointState) -> Non
 __all__ = ["CallResult", "NoTerminal", "Person", "Wanted", "call", "list_tools", "save_media"]
 
 LIST_SECONDS = 15.0
-"""What the list of tools may take: the endpoint answers it by itself, whatever its devices do."""
+"""Seconds for the list of tools: the endpoint answers it by itself, whatever its devices do."""
 DRY_RUN = "octoform/dry_run"
 """Asks for a dry run in a call's _meta, and marks what was none but that in its result's."""
 REFUSED = "octoform/refused"
@@ -333,7 +333,7 @@ def _bad_argument(tool: str, schema: Mapping[str, Any], field: str | None, messa
 
 
 def _about(name: str, given: Mapping[str, Any]) -> str:
-    """What a parameter is, and the values that it may have where they can be counted."""
+    """The description of a parameter, and the values that it may have where they can be counted."""
     lines = [str(given["description"])] if given.get("description") else []
     ways = given.get("anyOf", [given])
     values = [value for way in ways for value in way.get("enum", [way["const"]] if "const" in way else [])]

@@ -155,7 +155,7 @@ def _failed(summary: str, detail: str) -> Diagnostic:
 # what fails here fails again, and is reported, where it counts.
 
 GUESS = ("fastmcp>=4.1,<4.2",)
-"""What the SERVE spec asks of every server; further packages differ from host to host."""
+"""The packages that every server needs by the SERVE spec; further packages differ from host to host."""
 SECONDS = 120.0
 COMPILING = ".compiling.lock"
 

@@ -70,7 +70,7 @@ class ImportFault:
 
 @dataclass(frozen=True, slots=True)
 class ImportReport:
-    """What an import showed. ``fault`` None means that it went through; ``survivors`` counts processes it left."""
+    """The result of an import. ``fault`` None means success; ``survivors`` counts processes it left."""
 
     name: str | None
     tools: tuple[ImportedTool, ...]

@@ -83,7 +83,7 @@ def intact(environment: Environment) -> list[str]:
 
 
 def _conflicts(folder: Path) -> list[str]:
-    """What was added may provide a module that was there: whichever came last has overwritten the other."""
+    """Check added packages for modules that existed before: the last installed one overwrites the other."""
     from octoform.endpoint.environment.wheel_records import conflicts  # here, since this is the rare case
 
     return [f"{module} is provided by both {' and '.join(names)}" for module, names in conflicts(folder).items()]

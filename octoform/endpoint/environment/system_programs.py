@@ -74,7 +74,7 @@ def missing_programs(layout: Layout, environ: Mapping[str, str]) -> dict[str, li
 
 
 def chosen_programs(text: str, interface: object, environ: Mapping[str, str]) -> dict[str, int]:
-    """What a server starts of its own choice, that is not here, and whose absence it does not report: name to line."""
+    """Missing programs that a server starts by its own choice without reporting their absence: name to line."""
     tools = interface.get("tools", []) if isinstance(interface, dict) else []
     named = {word for tool in tools for word in _words(str(tool["description"]))}
     return {

@@ -1,4 +1,4 @@
-"""What the installed distributions of an environment say of their own files: altered ones, and ones that two claim.
+"""The records of the installed distributions of an environment: altered ones, and ones that two claim.
 
 Every installed distribution lists its files with their digests (the RECORD of the wheel format). Two that list the
 same file provide the same module: whichever was installed last has overwritten the other, and either one's removal

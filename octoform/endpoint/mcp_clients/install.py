@@ -38,7 +38,7 @@ _SHOWN = 200
 
 @dataclass(frozen=True, slots=True)
 class ConfigFile:
-    """What was found: ``path`` as a person names it, ``target`` behind links, ``data`` None for no file yet."""
+    """The file of a client: ``path`` as a person names it, ``target`` behind links, ``data`` None for no file yet."""
 
     path: Path
     target: Path
@@ -92,7 +92,7 @@ def _not_ours(facts: os.stat_result) -> str | None:
 
 
 def backups(path: Path) -> list[Path]:
-    """What was kept of a file, the latest first."""
+    """The backups of a file, the latest first."""
     pattern = re.compile(re.escape(path.name) + r"\.octoform-backup-(\d+)")
     found = [(int(match[1]), item) for item in _beside(path) if (match := pattern.fullmatch(item.name))]
     return [item for _, item in sorted(found, reverse=True)]
@@ -181,7 +181,7 @@ PRIVATE = 0o600
 
 @dataclass(frozen=True, slots=True)
 class Server:
-    """What is to be reached: its name for clients, the command of stdio, the URL of HTTP, the value of a token.
+    """The server to be reached: its name for clients, the command of stdio, the URL of HTTP, the value of a token.
 
     ``url`` None means stdio; ``bearer`` is only given for a client that cannot refer to a variable.
     """
@@ -203,7 +203,7 @@ class Server:
 
 @dataclass(frozen=True, slots=True)
 class Reach:
-    """What an entry may say and still lead to the endpoint: whether it answers over HTTP when it runs, at which
+    """The variants of an entry that still lead to the endpoint: whether it answers over HTTP when it runs, at which
     addresses it does now (none: it does not run), the values of its tokens."""
 
     http: bool
@@ -213,7 +213,7 @@ class Reach:
 
 @dataclass(frozen=True, slots=True)
 class Outcome:
-    """What was done to a file: ``state`` is added, updated, present, removed or absent."""
+    """The change of a file: ``state`` is added, updated, present, removed or absent."""
 
     client: Client
     file: Path
@@ -388,7 +388,7 @@ def _transport(entry: Any) -> str:
 
 
 def _masked(hunks: tuple[Hunk, ...], secret: str | None) -> tuple[Hunk, ...]:
-    """What may be shown: a token's value is in the file alone."""
+    """The parts that may be shown: a token's value is in the file alone."""
     if secret is None:
         return hunks
     return tuple(Hunk(h.line, h.removed.replace(secret, "[token]"), h.added.replace(secret, "[token]")) for h in hunks)
@@ -418,7 +418,7 @@ def _refused(found: ConfigFile, reason: Taken | Unreadable, entry: Mapping[str, 
 
 
 def _command_text(entry: Mapping[str, Any]) -> str:
-    """What an entry starts or calls; not its variables and headers, which may be secrets."""
+    """The command or URL of an entry; not its variables and headers, which may be secrets."""
     text = formats.address(entry) or " ".join(formats.words(entry)) or "neither a command nor a URL"
     others = sorted(set(entry) - {"command", "cmd", "args", "url", "uri", "type"})
     return text + (f"  (also: {', '.join(others)})" if others else "")

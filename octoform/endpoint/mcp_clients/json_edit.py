@@ -141,7 +141,7 @@ class _Reader:
         return Node(start, position + 1, [item.node.value for item in members], tuple(members))
 
     def _comma(self, end: int, closing: str, start: int) -> tuple[int, int | None]:
-        """What follows a member: the place of the next one or of the closing bracket, and of the comma before it."""
+        """The position after a member: that of the next one or of the closing bracket, and of the comma."""
         position = self.skip(end)
         if self.text.startswith(",", position):
             return self.skip(position + 1), position
@@ -359,7 +359,7 @@ def _inserted(text: str, node: Node, form: _Form, key: str | None, value: Any) -
 
 
 def _apart(text: str, begin: int, end: int, lead: str) -> str:
-    """What parts a new member from what is before; behind a comment to the end of the line, a line end."""
+    """The separator before a new member; behind a comment to the end of the line, a line end."""
     comments = [found[0] for found in COMMENT.finditer(text, begin, end)]
     if comments and comments[-1].startswith("//") and not lead.startswith(("\n", "\r")):
         return line_end(text) + indent_at(text, begin)

@@ -141,7 +141,7 @@ def origin(client: Client, text: str, path: Path, former: Sequence[str]) -> str 
 
 
 def hunks(texts: Sequence[str]) -> tuple[Hunk, ...]:
-    """What each step changed, without what stands around it: other servers' secrets are not shown."""
+    """The change of each step, without its surroundings: other servers' secrets are not shown."""
     return tuple(_hunk(before, after) for before, after in pairwise(texts) if before != after)
 
 
@@ -262,7 +262,7 @@ def _there(content: Any, path: Path) -> bool:
 
 
 def _redone(client: Client, text: str, content: Mapping[str, Any], path: Path) -> Edited | None:
-    """What bringing the entry of ``content`` into another text would lead to; None when it has one already."""
+    """The result of adding the entry of ``content`` to another text; None when it has one already."""
     past = NOTATIONS[client.notation].read(text)
     if isinstance(past, Unreadable) or _there(past, path):
         return None

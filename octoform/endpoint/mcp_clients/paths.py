@@ -12,7 +12,7 @@ from octoform.records import dataclass
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """What decides where files lie: the environment, and the system by Python's name for it (``sys.platform``)."""
+    """The inputs that decide the paths of files: the environment, and the system (``sys.platform``)."""
 
     environ: Mapping[str, str]
     platform: str = "linux"

@@ -1,4 +1,4 @@
-"""What the three notations of configuration files share: where reading failed, and the way to a value.
+"""The common part of the three notations of configuration files: where reading failed, and the way to a value.
 
 Every notation is a module with the same three functions, see `Notation`. They work on text without a byte order
 mark and leave every character alone that does not belong to the one change.

@@ -15,13 +15,13 @@ from octoform.state.layout import Layout
 
 LATCH = "estop.json"
 ALIVE_SECONDS = 1.0
-"""What a process that works has to show that it does."""
+"""Seconds in which a working process must answer."""
 ANSWER_SECONDS = 15.0
 
 
 @dataclass(frozen=True, slots=True)
 class StopAction:
-    """What came of writing a device's stop bytes; ``ms`` is how long it took."""
+    """The result of writing a device's stop bytes; ``ms`` is the duration."""
 
     device: str
     ok: bool
@@ -31,7 +31,7 @@ class StopAction:
 
 @dataclass(frozen=True, slots=True)
 class Estop:
-    """What was done. ``ok``: all of it. ``by``, ``reason``, ``since``: of the latch as it is, or as it was before it
+    """The result of a stop. ``ok``: all was done. ``by``, ``reason``, ``since``: of the latch now, or before it
     was cleared; None when it was open. ``direct``: no process answered, so octoform did it itself. ``lasting``: it is
     engaged on the disk; where it is engaged and this is false, it holds while the process runs, and no longer."""
 

@@ -22,7 +22,7 @@ SECONDS = 20.0
 
 
 def ask(layout: Layout, verb: str, asked: Mapping[str, Any]) -> dict[str, Any]:
-    """What ``server/offline.py VERB`` answers: ``ok``, ``problems`` and what the verb has.
+    """The answer of ``server/offline.py VERB``: ``ok``, ``problems`` and what the verb has.
 
     When it answers nothing that can be read, ``ok`` is false and ``problems`` states why.
     """

@@ -28,7 +28,7 @@ from octoform.state.layout import Layout
 START_SECONDS = 120.0
 """For a start on a small board; a second or two elsewhere. One that has ended is seen at once."""
 STOP_SECONDS = 8.0
-"""What a graceful end may take before a firm one, and how long a start waits for the end of the process before it."""
+"""Seconds for a graceful end before a firm one, and how long a start waits for the end of the process before it."""
 TAKEN = 75
 """Exit status of a process that found the endpoint owned by another one (EX_TEMPFAIL)."""
 LARGE_LOG = 10_000_000
@@ -38,11 +38,11 @@ PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "
 MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777216"}
 """Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped again each time."""
 ROOM_BYTES = 256 * 1024
-"""What a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
+"""Bytes that a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
 START_THREADS = 8
 """Threads of a process that serves, before the first call."""
 PUBLISHED_BYTES = 4 * 1024 * 1024
-"""What publishing an endpoint takes, copies included."""
+"""Bytes that publishing an endpoint takes, copies included."""
 KEPT_CHILD = "runtime-child"
 _STEP = 0.02
 

@@ -33,7 +33,7 @@ from picture import figures
 from toolschema import as_tool, first_fault, result_text
 
 PASSED = ("HOME", "LOGNAME", "PATH", "SHELL", "TERM", "USER")
-"""What the SDK's clients hand to a stdio server: a tool that needs more would fail in a real client too."""
+"""The environment that the SDK's clients give a stdio server: a tool that needs more fails in a real client too."""
 MARK = "OCTOFORM_RUN"
 """Lets the caller find whatever is left running."""
 REFUSED = "octoform/refused"
@@ -41,7 +41,7 @@ REFUSED = "octoform/refused"
 QUICK_MS = 1000.0
 """A call that is answered as fast is made again."""
 CLOSE_SECONDS = 3.0
-"""What a server has for its end after its stdin was closed."""
+"""Seconds that a server has for its end after its stdin was closed."""
 
 
 class StartedTransport(ClientTransport):

@@ -55,7 +55,7 @@ def description(data: str) -> dict[str, Any]:
 
 
 def decoded(raw: bytes) -> Seen | None:
-    """What a picture shows, by the first way that can read it; None where it is broken or none can."""
+    """The figures of a picture, by the first way that can read it; None where it is broken or none can."""
     if raw.startswith(JPEG) and not raw.rstrip(b"\0").endswith(JPEG_END):
         return None  # cut off: a library may paint what is missing grey
     return by_pillow(raw) or by_opencv(raw) or by_hand(raw)

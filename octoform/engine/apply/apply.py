@@ -299,7 +299,7 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
 
 
 def _missing(outlook: Outlook, environ: Mapping[str, str]) -> list[Diagnostic]:
-    """What the agents of a run lack before any of them is started: a price, a login."""
+    """Diagnostics for agents that lack a price or a login, before any of them is started."""
     manifest, plan = outlook.compiled.manifest, outlook.plan
     return [*unpriced(manifest, environ, plan), *logins.problems(manifest, environ, calling(plan))]
 
@@ -393,7 +393,7 @@ class _Run:
         return [item for item in found if (item.code, item.summary) not in known]
 
     def _uncovered(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
-        """What a chosen profile can do and the accepted INTERFACE does not offer."""
+        """The commands of a chosen profile that the accepted INTERFACE does not offer."""
         return [] if self.request.destroy else device_knowledge.uncovered(artifacts, self.outlook.compiled)
 
     def _keep(self) -> list[Diagnostic]:

@@ -1,4 +1,4 @@
-"""What a host had before an unattended run, and putting it back when that fails: the last good stays. (Heavy.)
+"""Keeps a host's files before an unattended run, and restores them when the run fails. (Heavy.)
 
 A run that a person has started may stop half-way; its next one goes on. An unattended run may not leave a deployment
 worse than it was: new artifacts of the first stages beside a server that was made for the former ones, or an endpoint
@@ -205,7 +205,7 @@ def _bytes(files: Mapping[str, str]) -> dict[str, bytes]:
 
 
 def _read(layout: Layout, told: Mapping[str, Any]) -> Former:
-    """What `keep` wrote; ValueError, LookupError, TypeError or AttributeError when it is none of ours."""
+    """The record that `keep` wrote; ValueError, LookupError, TypeError or AttributeError when it is none of ours."""
     record(told, FORMAT)
     nodes = {str(name): NodeState.model_validate(node) for name, node in told["nodes"].items()}
     files = {str(name): _bytes(each) for name, each in told["files"].items()}

@@ -60,7 +60,7 @@ class Opened:
 
 @dataclass(frozen=True, slots=True)
 class Means:
-    """What a run brings along: its environment variables, who hears of it, its clock, and what other hosts can lend."""
+    """The surroundings of a run: its environment variables, its event sink, its clock, and reusable outputs."""
 
     environ: Mapping[str, str]
     emit: EventSink

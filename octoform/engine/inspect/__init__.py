@@ -1,1 +1,1 @@
-"""What a person looks at: state, devices, attempts and logs."""
+"""Read-only commands: state, devices, attempts and logs."""

@@ -100,7 +100,7 @@ class Detail:
 
     @property
     def problems(self) -> list[tuple[float, ModelProblem | Closed]]:
-        """What the model's side complained of, and the program's last words where it was not content."""
+        """The problems of the model's side, and the program's closing message after a failure."""
         return [
             (item.at, item.event)
             for item in self.moments

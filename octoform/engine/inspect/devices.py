@@ -87,7 +87,7 @@ class Listing:
 
 
 def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, list[Diagnostic]]:
-    """What `devices` shows; None where PROBE or IDENTIFY was never accepted. Changes nothing."""
+    """The content of `devices`; None where PROBE or IDENTIFY was never accepted. Changes nothing."""
     compiled, found = compile_project(project, environ)
     if compiled is None:
         return None, found
@@ -187,6 +187,6 @@ def lacking(layout: Layout, environ: Mapping[str, str]) -> dict[str, str]:
 
 
 def diagnostics(shut: Mapping[str, str]) -> tuple[Diagnostic, ...]:
-    """What `lacking` found as warnings: the deployment stands, and the tools of these devices answer with an error."""
+    """The findings of `lacking` as warnings: only the tools of these devices answer with an error."""
     hint = "octoform doctor looks again; no other apply is needed"
     return tuple(warning(CODE, f"{name} cannot be used: {why}", hint=hint) for name, why in sorted(shut.items()))

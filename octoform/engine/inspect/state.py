@@ -123,7 +123,7 @@ def _has_artifact(name: str) -> bool:
 
 
 def _not_to_be_accepted(opened: Found, name: str) -> list[Diagnostic]:
-    """What is in the way before any artifact is looked at."""
+    """The problems that prevent a look at the artifacts."""
     if name not in opened.compiled.graph.names():
         summary = f"the step {name} is not switched on, so no input hash exists for its artifact"
         return [error("STATE-NO-NODE", summary, hint="name it under privileged_steps first")]
@@ -235,7 +235,7 @@ def entries(logs: Logs) -> tuple[list[Entry], Pairing]:
 
 
 def following(logs: Logs, pairing: Pairing, go_on: Callable[[], bool]) -> Iterator[list[Entry]]:
-    """What comes from now on, in pieces; ``go_on`` waits, and states whether anybody is still there to read."""
+    """The further output, in pieces; ``go_on`` waits, and states whether anybody is still there to read."""
     while go_on():
         yield [*pairing.take(logs.read()), *pairing.waiting(PATIENCE_SECONDS)]
 

@@ -1,4 +1,4 @@
-"""What is known of the devices of a host, and how much a person had to say for it: tiers, profiles, open questions."""
+"""The known facts of a host's devices, and a person's input for them: tiers, profiles, open questions."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -34,7 +34,7 @@ class Offer:
 
     @property
     def summary(self) -> str:
-        """What is offered for which devices, as one sentence."""
+        """The offered profiles with their devices, as one sentence."""
         return f"octoform comes with a profile that matches {', '.join(self.devices)}: {self.product}"
 
 

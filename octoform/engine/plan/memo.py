@@ -103,7 +103,7 @@ def _same(memo: Mapping[str, Any], project: Path, environ: Mapping[str, str]) ->
 
 
 def program() -> dict[str, str]:
-    """What runs: version, interpreter, and the package's own files by name, size and time."""
+    """The running octoform: version, interpreter, and the package's own files by name, size and time."""
     version, executable = octoform.__version__, sys.executable
     return {"octoform": version, "python": sys.version, "executable": executable, "build": build_of(PACKAGE)}
 
@@ -126,7 +126,7 @@ def _listing(folder: str) -> list[list[object]]:
 
 
 def variables(chosen: Iterable[str], environ: Mapping[str, str]) -> dict[str, str]:
-    """What a plan reads of the environment: octoform's own settings, and whether the manifest's variables are set.
+    """The environment variables that a plan reads: octoform's own, and whether the manifest's are set.
 
     The values of the manifest's variables are in no key and may be secrets, so not even a digest of them is kept.
     """

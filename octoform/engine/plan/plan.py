@@ -88,7 +88,7 @@ _OF_CAMERAS = ("probe", "identify", "interface")
 
 @dataclass(frozen=True, slots=True)
 class KnownInputs:
-    """What is known: artifacts by stage, the profiles and answers in force, the camera that the manifest names."""
+    """The known inputs: artifacts by stage, the profiles and answers in force, the camera that the manifest names."""
 
     layout: Layout
     artifacts: Mapping[str, Any]
@@ -149,7 +149,7 @@ def tool_changes(layout: Layout, artifacts: Mapping[str, Any]) -> tuple[Change, 
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """What a person asked of plan or apply; ``project`` is absolute, ``reuse`` allows other hosts' outputs.
+    """A person's request to plan or apply; ``project`` is absolute, ``reuse`` allows other hosts' outputs.
 
     ``tier1``: as if no person had described the hardware, without profiles and answers.
     """
@@ -255,7 +255,7 @@ def _unknown_nodes(graph: Graph, names: Iterable[str]) -> list[Diagnostic]:
 
 
 def _outside_of_targets(graph: Graph, request: Request) -> list[Diagnostic]:
-    """What should be replaced and is kept out by the targets: one of the two is a mistake."""
+    """Diagnostics for nodes to replace that the targets exclude: one of the two is a mistake."""
     kept_out = [name for name in request.replace if request.targets and name not in graph.upstream(request.targets)]
     summary = "-replace {} has no effect: -target {} keeps it out of this run"
     hint = "omit -target, or name the node that should be replaced"
@@ -332,7 +332,7 @@ def _without_idle_agents(
 
 
 def offers(layout: Layout) -> Offers:
-    """What other hosts of the repository have accepted, as the plan compares it."""
+    """The accepted outputs of the repository's other hosts, as the plan compares them."""
     return {
         stage: tuple(
             Offer(one.host, one.state.key_parts, one.state.output_digest) for equal in by_key.values() for one in equal
@@ -342,7 +342,7 @@ def offers(layout: Layout) -> Offers:
 
 
 def _destruction(graph: Graph, snapshot: Snapshot) -> tuple[PlannedAction, ...]:
-    """What stands is taken down from its end: nothing is left over that rests on something gone."""
+    """Order destruction from the end: no node is left that depends on a removed one."""
     reason = Reason(Cause.REQUESTED, text="destroy")
     order = [*(name for name in snapshot.nodes if name not in graph.names()), *reversed(graph.names())]
     names = [name for name in order if name in snapshot.nodes]

@@ -84,7 +84,7 @@ def look(compiled: Compiled, snapshot: Snapshot, environ: Mapping[str, str]) -> 
 
 
 def contract_digest(schemas: Path) -> str:
-    """What accepted artifacts are held to: the schemas' bytes and the version that holds the rules."""
+    """The digest of the rules for accepted artifacts: the schemas' bytes and the version that holds the rules."""
     duties = {schema_path(name, schemas) for name in DUTIES}  # no artifact is held to these
     texts = {path.name: digest.of_file(path) for path in sorted(schemas.glob("*.json")) if path not in duties}
     return digest.of_value({"octoform": octoform.__version__, **texts})
@@ -167,7 +167,7 @@ def _cameras(compiled: Compiled, artifacts: Mapping[str, Any]) -> tuple[Camera, 
 
 
 def _hardware(layout: Layout, now: host.Fingerprint) -> tuple[str, ...]:
-    """What came and what went since PROBE was accepted, as far as this machine remembers."""
+    """The devices that came and went since PROBE was accepted, as far as this machine remembers."""
     try:
         kept = files.read_json(layout.fingerprint)
     except (OSError, ValueError):

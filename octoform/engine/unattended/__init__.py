@@ -1,1 +1,1 @@
-"""What the daemon's repairs do with no one there: bounded in cost, and taken back where it made things worse."""
+"""Unattended repairs of the daemon: bounded in cost, and rolled back where they made things worse."""

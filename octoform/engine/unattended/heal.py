@@ -114,7 +114,7 @@ def _done(
 
 
 def _joined(asked: DutyOutcome, done: DutyOutcome) -> DutyOutcome:
-    """What came of the action, with the agent's report and cost before it."""
+    """The result of the action, with the agent's report and cost before it."""
     return replace(
         done,
         detail=f"{done.detail} ({asked.detail})",

@@ -44,7 +44,7 @@ from octoform.state.layout import Layout
 
 @dataclass(frozen=True, slots=True)
 class Left:
-    """What agents may still cost in this hour: runs as a count, US dollars; None: no one counts."""
+    """The agents' remaining budget of this hour: runs as a count, US dollars; None: no one counts."""
 
     calls: int | None = None
     usd: float | None = None
@@ -86,7 +86,7 @@ def _runs(manifest: Manifest, item: PlannedAction) -> int:
 
 
 def _dollars(manifest: Manifest, dear: list[PlannedAction]) -> float | None:
-    """What these may cost together; None where nothing bounds it."""
+    """The maximum cost of these together; None without a bound."""
     each = [manifest.budget_for(item.node).usd for item in dear]
     known = [usd for usd in each if usd is not None]
     bounds = [sum(known)] if len(known) == len(each) else []
@@ -172,7 +172,7 @@ def objections(outlook: Outlook) -> tuple[str, ...]:
 
 
 def _others(outlook: Outlook, item: PlannedAction) -> Iterator[str]:
-    """What a node would be run for beside the hardware."""
+    """The reasons beside the hardware for which a node would run."""
     for reason in item.reasons:
         if reason.cause is Cause.CHANGED and reason.part == HARDWARE:
             continue

@@ -52,14 +52,14 @@ SERVE = "serve"
 
 @dataclass
 class Restored:
-    """What became of it, in sentences: what was put ``back``, what was ``left`` and why, where the former lies."""
+    """The result of a restore, in sentences: what is put ``back``, what was ``left`` and why, where the former is."""
 
     back: list[str] = field(default_factory=list)
     left: list[str] = field(default_factory=list)
     aside: list[str] = field(default_factory=list)
     failed: list[str] = field(default_factory=list)
     lost: list[str] = field(default_factory=list)
-    """What no repair of the daemon can bring back."""
+    """The files that no repair of the daemon can restore."""
 
     @property
     def text(self) -> str:

@@ -1,4 +1,4 @@
-"""What the daemon's agents do on a host: through the same door as an apply, and only on what was applied. (Heavy.)
+"""Runs the daemon's agents on a host: by the same way as an apply, and only on an applied host. (Heavy.)
 
 Who diagnoses or fixes stands on the accepted artifacts, and a repair on the endpoint that was published from them.
 Where files are not as they were accepted, or a person has begun to change the project, a repair is put off: it would

@@ -25,7 +25,7 @@ from octoform.state.files import (
 
 
 class Op(StrEnum):
-    """What a record states. ``head`` and ``commit`` are about snapshots, the others about a node."""
+    """The kinds of records. ``head`` and ``commit`` are about snapshots, the others about a node."""
 
     HEAD = "head"
     BEGIN = "begin"

@@ -36,7 +36,7 @@ _MACHINE_ID = Path("/etc/machine-id")
 
 
 class Liveness(StrEnum):
-    """What can be found out about a holder from here."""
+    """The knowledge about a lock's holder from here."""
 
     ALIVE = "alive"
     DEAD = "dead"
@@ -127,7 +127,7 @@ _FIRST_PAUSE, _MAX_PAUSE = 0.1, 2.0
 
 @dataclass(frozen=True, slots=True)
 class Holder:
-    """What the lock file states: the lock's id, its holder, the operation, since when (RFC 3339), in which folder."""
+    """The content of the lock file: its id, its holder, the operation, since when (RFC 3339), in which folder."""
 
     id: str
     process: Process

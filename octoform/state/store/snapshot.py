@@ -48,7 +48,7 @@ def _failure(nodes: Nodes, record: Record) -> None:
 
 
 def _end_badly(nodes: Nodes, name: str, status: Status, journal: Mapping[str, Any]) -> None:
-    """What was accepted before stays known; only how the last run ended changes."""
+    """Record how the last run ended; what was accepted before stays."""
     former = nodes.get(name, NodeState())
     kept = {key: value for key, value in former.detail.items() if key not in ("interrupted", "failure")}
     nodes[name] = former.model_copy(update={"status": status, "detail": {**kept, **journal}})
@@ -81,7 +81,7 @@ _TRIES = 5
 
 @dataclass(frozen=True, slots=True)
 class Current:
-    """What is on disk.
+    """The stored state on disk.
 
     ``base`` is the state file (None: there is none yet) and ``folded`` what holds now; ``pending`` counts the node
     records that the state file has not absorbed; ``foreign`` shows that the journal continues another state file.

@@ -36,7 +36,7 @@ _TEXT_KEPT = 4000
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """What is true of a whole run: recorded in the snapshot, but no reason for a new serial (the manifest is one)."""
+    """The facts of a whole run: recorded in the snapshot, but no reason for a new serial (the manifest is one)."""
 
     manifest_digest: str | None = None
     git: GitRecord | None = None
@@ -45,7 +45,7 @@ class Context:
 
 @dataclass(frozen=True, slots=True)
 class Ports:
-    """What a test may replace: the crash points and the clock."""
+    """The parts that a test may replace: the crash points and the clock."""
 
     checkpoint: Checkpoint = pass_by
     clock: Callable[[], str] = field(default=stamp)
