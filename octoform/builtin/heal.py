@@ -1,4 +1,4 @@
-"""What fixes one error, by the playbook alone: the action of its class; code is not rewritten."""
+"""Chooses the fix of one error by the playbook alone: the action of its class; code is not rewritten."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -57,7 +57,7 @@ def answer(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _cites(document: Mapping[str, Any]) -> list[str]:
-    """What the error rests on, as far as it was given."""
+    """The evidence for the error, as far as it was given."""
     known = {row["id"] for part in ("readings", "failures") for row in document.get(part, [])}
     return [identity for identity in document["error"].get("cites", []) if identity in known][:MAX_CITES]
 

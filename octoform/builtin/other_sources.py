@@ -1,4 +1,4 @@
-"""What is left when no class module claims a unit: a reason for each, or an open question for a USB device.
+"""Handles units that no class module claims: a reason for each, or an open question for a USB device.
 
 A USB device was plugged in by someone and does something; when nothing shows what, a person is asked. Everything else
 that no module claims is part of the machine.
@@ -135,7 +135,7 @@ _MOVERS = frozenset(
 
 
 def completed(device: Device, judged: dict[str, Any] | Leave, sentence: str) -> dict[str, Any] | Leave:
-    """What the class modules judged of the device, completed by a person's sentence about it; "" changes nothing."""
+    """The class modules' annotation of the device, completed by a person's sentence about it; "" changes nothing."""
     if not sentence or leave_first(device) is not None:
         return judged
     known = {} if isinstance(judged, Leave) else judged
@@ -193,7 +193,7 @@ _CLASSES = ("line_protocol", "register_bus")
 
 
 def product(device: Device, judged: dict[str, Any] | Leave, profiles: Profiles) -> dict[str, Any] | Leave:
-    """What the class modules judged of the device, as the profile that holds for it completes it; else unchanged."""
+    """The class modules' annotation of the device, completed by its profile; without one unchanged."""
     profile = None if device.context else holding(profiles, device.id)
     if profile is None:
         return judged
@@ -239,7 +239,7 @@ def _via(profile: Mapping[str, Any]) -> str:
 
 
 def _evidence(device: Device, profile: Mapping[str, Any], known: Mapping[str, Any]) -> list[dict[str, str]]:
-    """What PROBE reports of the device, first its own words; the rule itself was evaluated by octoform."""
+    """The lines of PROBE for the device, its own strings first; the rule itself was evaluated by octoform."""
     says = f"the match rule of the profile {profile['name']} matches this device"
     facts = [fact for fact in (device.product, device.fact("manufacturer"), device.fact("product_id")) if fact]
     cited = [Evidence(fact.line, says) for fact in facts] or [device.cite_self(says)]

@@ -54,7 +54,7 @@ def of_units(bank: Mapping[str, Any], command: Mapping[str, Any]) -> Schema:
 
 
 def of_motion(bank: Mapping[str, Any], command: Mapping[str, Any]) -> str:
-    """What a caller has to know of a tool beside its own words, as sentences that begin with a blank."""
+    """The notes for a caller beside a tool's own description, as sentences that begin with a blank."""
     unit, off = str(bank["unit"]), bank["disabled"]
     lines = [f"Disabled: {', '.join(off)}."] if off and command["do"] != "stop" else []
     if command["do"].startswith("read"):
@@ -166,10 +166,10 @@ def _of_axes(position: Mapping[str, Any], command: Mapping[str, Any]) -> dict[st
 
 
 WORTH = 95
-"""What a person described is wanted before anything that was merely found."""
+"""The weight of a tool that a person described, above that of every tool that was merely found."""
 _WORD = re.compile(r"[^\s,;:()]+")
 _IDEMPOTENT = ("stop", "set_torque", "pose", "move_unit", "move_units")
-"""What comes to the same when it is done once more: these name a goal, and no way from where the device is."""
+"""The idempotent actions: they name a goal, and no distance from the present position."""
 _TYPES = {"integer": WHOLE, "number": NUMBER, "string": TEXT, "boolean": FLAG}
 
 

@@ -98,7 +98,7 @@ def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:
 
 
 class _Host:
-    """What the system reports of a device, as words; attributes are read once a word is not found without them."""
+    """The words of the system's facts of a device; attributes are read once a word is not found without them."""
 
     def __init__(self, reader: Reader, databases: IdDatabases) -> None:
         self._reader, self._databases = reader, databases
@@ -137,7 +137,7 @@ class _Host:
                     yield _kind_lines(self._reader.text(path))
 
     def _record(self, folder: str) -> Iterable[str]:
-        """What udev's record of a folder's device reports of its kind."""
+        """The facts of the kind in udev's record of a folder's device."""
         subsystem = self._reader.link(f"{folder}/subsystem").rpartition("/")[2]
         if not subsystem or not self._udev.names:
             return ()
@@ -255,7 +255,7 @@ def _without(words: Iterable[str], text: str) -> set[str]:
 
 
 def _numbers(word: str) -> set[int]:
-    """What a word may mean as a number: hexadecimal, decimal, or an amount with its unit."""
+    """The values that a word may have as a number: hexadecimal, decimal, or an amount with its unit."""
     found = set()
     if spelt := _HEX.fullmatch(word):
         found.add(int(spelt[1], 16))

@@ -17,7 +17,7 @@ from octoform.base.files import read_json, replace
 from octoform.records import dataclass
 
 STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", "heal")
-"""What this agent does; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""
+"""The tasks of this agent; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""
 STEP = "step."
 """How the name of a privileged step begins; all of them are done by one stage of this agent."""
 FORMER = "former-output.json"

@@ -1,4 +1,4 @@
-"""What the catalog reports about a tool before any host is known."""
+"""The catalog's facts of a tool before any host is known."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field

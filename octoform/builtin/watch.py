@@ -59,7 +59,7 @@ class Given:
         return list(found)
 
     def attached(self, device: str | None) -> bool | None:
-        """What the kernel shows of a device; None where it is not known."""
+        """The kernel's state of a device; None where it is not known."""
         row = self.newest.get(("kernel", device or "", "/there"))
         return row["value"] if row is not None and isinstance(row["value"], bool) else None
 

@@ -44,7 +44,7 @@ class Proposal:
 
 
 class _MalformedError(ValueError):
-    """What is wrong, for a person."""
+    """The problem, for a person."""
 
 
 def of_claim(document: object) -> Proposal | Diagnostic:
@@ -208,7 +208,7 @@ class Level:
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """What a proposal is judged against, at one moment (``now``: seconds of uptime)."""
+    """The context in which a proposal is judged, at one moment (``now``: seconds of uptime)."""
 
     now: float
     settings: Settings
@@ -256,7 +256,7 @@ def judge(proposal: Proposal, by: str, view: View) -> Verdict:
 
 
 def _weighed(case: _Case, by: str) -> Verdict:
-    """What the readings, the profiles, the tools and the claims so far say."""
+    """Check a proposal against the readings, the profiles, the tools and the claims so far."""
     view = case.view
     agents = () if by == PERSON else (_within_limits,)
     for rule in (_stale, _unsupported, _outranked, *agents, _restricting, _spent):
@@ -384,7 +384,7 @@ def _too_wide(target: str, restriction: Restriction, facts: ToolFacts) -> str | 
 
 
 def _spent(case: _Case) -> Diagnostic | None:
-    """What is restricted grows only with a reading that has carried no restriction before."""
+    """Restrictions may grow only with a reading that has carried none before."""
     in_force = {key_of(each) for claim in case.view.active for each in claim.restrictions}
     wider = [each for each in case.proposal.restrictions if key_of(each) not in in_force]
     if not wider or case.evidence.uptime > case.view.spent.get(case.evidence.signal, -math.inf):

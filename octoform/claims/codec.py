@@ -25,7 +25,7 @@ from octoform.state.files import display, read_regular, write_atomic
 FORMAT = 1
 SIZE_LIMIT = 8 * 1024 * 1024
 EVIDENCE, SECONDS = "evidence", "seconds"
-"""What a claim's ``data`` holds: the reading that carries it now, and for how long each may."""
+"""The content of a claim's ``data``: the reading that carries it now, and for how long each may."""
 
 
 @dataclass(slots=True)

@@ -105,7 +105,7 @@ class Ledger:
             return ledger
 
     def new_diagnostics(self) -> tuple[Diagnostic, ...]:
-        """What was wrong with the ledger's files since this was asked last."""
+        """The diagnostics about the ledger's files since the last call."""
         found, self.said = tuple(dict.fromkeys(self.said)), []
         return found
 
@@ -207,7 +207,7 @@ class Ledger:
             return in_force(self._book, self._moment())
 
     def pending(self) -> tuple[Claim, ...]:
-        """What waits for a person, oldest first."""
+        """The claims that wait for a person, oldest first."""
         with self._held():
             return waiting(self._book)
 
@@ -398,7 +398,7 @@ class Ledger:
         book.count = max(book.count, *numbers) if numbers else book.count
 
     def _strangers(self) -> list[Diagnostic]:
-        """What another process has changed although none may: reported, counted, and ignored."""
+        """Report, count and ignore a change of the files by another process."""
         mine = {self._path.name: _stamp(self._path) == self._seen, READINGS: self._readings.is_mine()}
         if all(mine.values()) or not (self.guarded or self._settings.shut()):
             return []

@@ -1,4 +1,4 @@
-"""What happens to claims in the book: carried on, ended, superseded, remembered. Pure but for the book itself. Light.
+"""The life of claims in the book: carried on, ended, superseded, remembered. Pure but for the book itself. Light.
 
 Tightening is remembered and loosening is not undone: of all conditions that agents' claims on a signal have had, the
 loosest that ended is the tightest that agents get from then on.
@@ -53,7 +53,7 @@ def waiting(book: Book) -> tuple[Claim, ...]:
 
 
 def weigh(book: Book, reading: Reading, moment: Moment) -> None:
-    """What one reading means to the claims on its signal: it ends them, carries them on, or states nothing."""
+    """Apply one reading to the claims on its signal: end them, carry them on, or neither."""
     for claim in list(book.claims.values()):
         if claim.signal != reading.signal or claim.irreversible is not None or claim.state in ENDED:
             continue
@@ -311,7 +311,7 @@ def _unit(unit: str, device: str, settings: Settings, readings: Readings) -> lis
 
 
 def _frame(claim: Claim) -> dict[str, Any]:
-    """What an entry has of its claim."""
+    """The fields of an entry from its claim."""
     return {
         "claim": claim.id,
         "target": claim.target,

@@ -34,7 +34,7 @@ class Channel(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Signal:
-    """What is measured. In ``path`` a member of a list stands by its name where it has one (``/joints/elbow/heat``)."""
+    """The measured value. In ``path`` a member of a list has its name if it has one (``/joints/elbow/heat``)."""
 
     channel: Channel
     source: str
@@ -75,7 +75,7 @@ class State(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Restriction:
-    """What may not be called while the claim holds.
+    """The calls that are forbidden while the claim holds.
 
     ``tool`` is a tool's name; with ``arguments`` only calls that have these values (a joint's name) are concerned.
     ``effect`` is ``deny`` or ``confirm``. Reading and stopping tools can never be restricted.
@@ -117,7 +117,7 @@ class Claim:
 
     @property
     def kind(self) -> str:
-        """What it is or would be once a person confirms it, in words."""
+        """The kind of the claim in words: temporary, or a permanent restriction (now, or once confirmed)."""
         if self.irreversible is None:
             return "temporary claim"
         return f"permanent restriction {self.irreversible}"

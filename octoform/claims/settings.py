@@ -193,7 +193,7 @@ def tools_of(layout: Layout) -> dict[str, ToolFacts]:
 
 
 def bound_documents(layout: Layout, protects: Iterable[tuple[str, Protects]]) -> list[dict[str, Any]]:
-    """What profiles (name, what protects its units) call clean, as plain values, for the tools of their devices."""
+    """The clean values by the profiles (name, protection of its units), as plain values, for their devices' tools."""
     found = []
     for name, each in protects:
         devices = _devices(layout, name)

@@ -44,7 +44,7 @@ GROUPS = {
 
 _LASTING = ("watch",)
 _SELDOM = (50_000, 20, 50)
-"""What a short command loads and walks through stays to its end: looking for garbage took a tenth of an apply."""
+"""Thresholds of a rare garbage collection, which otherwise took a tenth of an apply."""
 
 
 def dispatch(argv: Sequence[str]) -> int:

@@ -1,4 +1,4 @@
-"""What can be typed: commands, options and their help.
+"""The command line: commands, options and their help.
 
 Options have Terraform's form (``-target NODE``, ``-auto-approve``); the same names work with two dashes. Usage errors
 leave with status 1, because 2 is an answer: "changes" in ``plan -detailed-exitcode``, "nothing to be seen" in ``look``.

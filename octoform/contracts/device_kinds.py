@@ -41,7 +41,7 @@ WAYS: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("backlight",), ("backlight", "leds", "drm")),
     **dict.fromkeys(("wifi", "wlan"), ("net", "ieee80211", "rfkill")),
 }
-"""What a capability's name speaks of, and the classes of which one leads there; no raw line does."""
+"""The quantities in capabilities' names, with the classes that measure them; no raw line does."""
 MEASURED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("temperature", "temperatures"), _HEAT),
     **dict.fromkeys(("humidity", "pressure", "illuminance", "acceleration"), _AIR),

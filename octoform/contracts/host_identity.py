@@ -1,4 +1,4 @@
-"""What is of one host only: distinguished from the kinds, and hidden before anything reaches git.
+"""The identity of one host: distinguished from the kinds, and hidden before anything reaches git.
 
 Serial numbers, hardware addresses and host names stay on the machine. The committed PROBE artifact holds stable
 pseudonyms in their place, so two commits can still be compared: the same serial number gives the same pseudonym. And
@@ -115,7 +115,7 @@ def hider(probe: JsonObject, key: bytes) -> Callable[[str], str]:
 
 
 def secrets_in_text(probe: JsonObject) -> list[str]:
-    """What of this PROBE artifact is hidden wherever it is spelt, since nothing else is spelt so."""
+    """The values of this PROBE artifact that are hidden wherever they occur, since no other text is spelt so."""
     out = []
     for instance in instances(probe).values():
         # A "serial number" without a digit is a product name that the maker put in the wrong place.

@@ -23,7 +23,7 @@ class Holding(Protocol):
 
 
 class KnownDevices(Protocol):
-    """What states for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by their names."""
+    """The facts that decide for which devices a step may run: IDENTIFY's artifact, and the profiles' facts by name."""
 
     @property
     def identify(self) -> Mapping[str, Any] | None:
@@ -79,7 +79,7 @@ JsonObject = dict[str, Any]
 
 @dataclass(frozen=True, slots=True)
 class ProfileFacts:
-    """What octoform itself found out about one profile on this host.
+    """octoform's own findings on one profile on this host.
 
     ``holds`` are the ids of the PROBE devices for which the profile's match rule holds. Of ``limits``, those
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
@@ -97,7 +97,7 @@ class ProfileFacts:
 
 @dataclass(frozen=True, slots=True)
 class HostScan:
-    """What the embedded agent saw of the host beside another agent's PROBE.
+    """The embedded agent's scan of the host beside another agent's PROBE.
 
     ``probe`` is its own PROBE artifact; ``unsaid`` are the texts of the other's with words that the host reports
     nowhere of the device: ``id``, ``member``, ``line`` (from 1) and ``words``. ``untrue`` are the other's scans that

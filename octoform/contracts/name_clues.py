@@ -1,4 +1,4 @@
-"""What a name gives away: a raw pipe offered as a tool, a chip offered as a product, one thing named twice.
+"""Clues in names: a raw pipe offered as a tool, a chip offered as a product, one thing named twice.
 
 These are judgements over words, with no product in them. They are deliberately blunt: a capability that is refused
 here for its name can be renamed to say what it does, and then it is a better name.

@@ -1,4 +1,4 @@
-"""What the reports of WATCH and HEAL are held to: the very input that their agent was given, as a value.
+"""The context for the rules of WATCH's and HEAL's reports: the very input that their agent was given, as a value.
 
 A report may rest on nothing else. So the facts are made from the input's own document, and a reading that is not in it
 does not exist for the report. (Light.)

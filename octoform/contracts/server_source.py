@@ -147,7 +147,7 @@ class Source:
 
     @cached_property
     def _entered(self) -> dict[Function, list[Function]]:
-        """What each function names: functions of the file, and the methods of its classes."""
+        """The names that each function uses: functions of the file, and the methods of its classes."""
         out = {}
         for function in self.functions:
             inside = walk(function)
@@ -164,7 +164,7 @@ class Source:
 
     @cached_property
     def _own_names(self) -> dict[Function | None, set[str]]:
-        """What each function binds for itself, so that it is no one else's name there."""
+        """The names that each function binds locally."""
         found: dict[Function | None, set[str]] = {}
         shared: dict[Function | None, set[str]] = {}
         for item in self.nodes:

@@ -1,4 +1,4 @@
-"""What every generated server stands on: find a device, hold its lock, log the call. Standard library only.
+"""The runtime library of every generated server: find a device, hold its lock, log the call. Standard library only.
 
 How the kernel, a line and a bus are talked to is here as well, in modules of their own: `channels`, `counting`,
 `evdev`, `gpio`, `lines`, `nmea`, `registers`, `units`, `v4l2`; `child` calls what needs a heavy library. What a device

@@ -96,7 +96,7 @@ def kinds(path: Path) -> set[str]:
 
 
 def _kind_texts(path: Path) -> Iterator[str]:
-    """What the folder, its attributes and the kernel's announcement call the device, whole and without its place."""
+    """The names of the device by its folder, attributes and uevent, whole and without its place."""
     events = uevent(path)
     attributes = [_AT_ADDRESS.sub("", read_text(path / name) or "") for name in _NAMES]
     alias = _of_modalias(events.get("MODALIAS") or read_text(path / "modalias") or "")
@@ -198,7 +198,7 @@ def _splits(name: str) -> Iterator[tuple[set[str], str]]:
 
 
 def serial(path: Path) -> str | None:
-    """What a device gives as its serial number, empty where it gives none.
+    """The serial number that a device reports, empty without one.
 
     None where the kernel shows none in a place known here, or not yet.
     """
@@ -214,7 +214,7 @@ def serial(path: Path) -> str | None:
 
 
 def kind_names(path: Path) -> list[str]:
-    """What a device reports of its kind: no number of a unit is equal to one of these."""
+    """The strings of a device's kind: no serial number of a unit is equal to one of these."""
     ids = vid_pid(path)
     return [text for text in (ids, *(read_text(path / name) or "" for name in _KIND_NAMES)) if text]
 
@@ -363,7 +363,7 @@ def _in_order(wanting: list[_Claim], free: list[Path]) -> dict[str, Path]:
 
 
 def _claims(device_id: str, name: str, known: Mapping[str, Any], specimens: list[Path]) -> list[_Claim]:
-    """What is known of every id of the kind, in the order of ordinals; this id is always among them."""
+    """The facts of every id of the kind, in the order of ordinals; this id is always among them."""
     ids = {other for other in known if _ordinal(other, name) and _of_same_kind(other, name, known[other], specimens)}
     ids.add(device_id)
     if device_id not in known:

@@ -44,7 +44,7 @@ _current: ContextVar[Trace | None] = ContextVar("trace", default=None)
 
 @contextmanager
 def traced() -> Iterator[Trace]:
-    """What the code inside asks for is in the trace, as far as it asks in this thread or task."""
+    """Trace the devices that the code inside asks for, as far as it asks in this thread or task."""
     trace = Trace()
     token = _current.set(trace)
     try:

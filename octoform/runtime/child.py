@@ -42,7 +42,7 @@ _idle: dict[Callable[..., Any], list["_Child"]] = {}
 
 
 def call(function: Callable[..., Any], *plain: Any) -> Any:
-    """What the function returns for these plain values, from a process of its own.
+    """The result of the function for these plain values, from a process of its own.
 
     Its errors are raised here: OSError, ImportError, DeviceFault and FastMCP's ToolError as they are, others as
     RuntimeError. TimeoutError after `TIMEOUT` seconds, ConnectionError when the process dies.

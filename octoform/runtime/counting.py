@@ -40,7 +40,7 @@ class Stop(NamedTuple):
 
 
 def seen(device: str) -> Stop | None:
-    """What stops the device now, looked up again each time; None when nothing does or no folder is named."""
+    """The stop in force for the device, looked up each time; None without one or without a folder."""
     place = _place(device)
     if place is None:
         return None
@@ -113,7 +113,7 @@ ANEW = "the device was attached again"
 
 
 class Step(NamedTuple):
-    """What a command means for the position: ``by`` on an axis, or with ``zero`` the origin of all axes.
+    """The effect of a command on the position: ``by`` on an axis, or with ``zero`` the origin of all axes.
 
     ``resumes`` marks the command that ends a stop.
     """

@@ -57,7 +57,7 @@ class Wire(NamedTuple):
 
 
 class Answer(NamedTuple):
-    """What was answered: the lines as they came, and the values in them by their names."""
+    """The answer: the lines as they came, and the values in them by their names."""
 
     lines: tuple[str, ...]
     values: dict[str, str]
@@ -183,7 +183,7 @@ def _next_line(port: Port, end: float) -> str:
 
 
 def _line(port: Port, end: float) -> str | None:
-    """What came up to the end of a line, "" for a blank one; None when it is not complete at that moment."""
+    """The received text up to the end of a line, "" for a blank one; None when it is not complete at that moment."""
     line = b""
     while time.monotonic() < end:
         byte = port.read(1)

@@ -53,7 +53,7 @@ class Range(NamedTuple):
 
 
 class Calibration(NamedTuple):
-    """What was found: the ranges by unit, or in ``note`` why there are none.
+    """The calibration that was found: the ranges by unit, or in ``note`` why there are none.
 
     ``wrong`` is a contradiction between file and profile: no one knows which unit is which, so none may be moved.
     """
@@ -105,7 +105,7 @@ def _range(name: str, entry: Mapping[str, Any]) -> Range:
 
 
 def _files(pattern: str) -> list[Path]:
-    """What a pattern names, in the home of the user that this process runs as."""
+    """The files that a pattern names, in the home of the user that this process runs as."""
     try:
         path = Path(pattern).expanduser()
     except RuntimeError:  # a user without a home has no files in it
@@ -125,7 +125,7 @@ PAUSE = 0.1
 
 
 class NoReply(Exception):
-    """What a port raises when a reply is missing or broken."""
+    """A reply to a port's request is missing or broken."""
 
 
 class UnitFault(DeviceFault):
@@ -145,7 +145,7 @@ class Port(Protocol):
 
 
 class Field(NamedTuple):
-    """What is at an address; ``sign_bit`` is the bit that marks a negative value, ``scale`` the size of a count."""
+    """The register at an address; ``sign_bit`` marks a negative value, ``scale`` the size of a count."""
 
     address: int
     size: int = 1
@@ -185,7 +185,7 @@ class Protect(NamedTuple):
 
 
 class Map(NamedTuple):
-    """What is known of the units of a product; ``units`` is name to bus id, ``disabled`` name to reason."""
+    """The units of a product; ``units`` is name to bus id, ``disabled`` name to reason."""
 
     unit: str
     units: Mapping[str, int]
@@ -197,7 +197,7 @@ class Map(NamedTuple):
 
 
 class _Known:
-    """What is remembered of a device between calls: how often it was stopped, and which units were too hot."""
+    """The state of a device between calls: how often it was stopped, and which units were too hot."""
 
     def __init__(self) -> None:
         self.stops = 0
@@ -236,7 +236,7 @@ class Bank:
         self.known = known(device)
 
     def exchange(self, name: str, what: str, do: Callable[["Talk"], T]) -> T:
-        """What ``do`` makes of one unit with the bus held. ``what`` states in a few words what is unknown if it fails.
+        """The result of ``do`` for one unit with the bus held. ``what`` names what is unknown if it fails.
 
         When the line breaks, the bus is opened again and all of ``do`` is done once more.
         """
@@ -268,7 +268,7 @@ class Bank:
         return UnitFault(self.device, f"{self.device}: {text}")
 
     def describe(self, problem: DeviceFault) -> str:
-        """What an error states, without the device's name before it."""
+        """The text of an error, without the device's name before it."""
         return str(problem).removeprefix(f"{self.device}: ")
 
 

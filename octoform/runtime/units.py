@@ -1,4 +1,4 @@
-"""What can be done with the units of a device on a register bus, one method for each kind of tool.
+"""Operations on the units of a device on a register bus, one method for each kind of tool.
 
 A result is an object for one unit, or holds one for each unit in a list that is named after them (``joints``). A unit
 that the owner disabled is ``skipped`` with the owner's reason and never written to; the others go on.

@@ -1,4 +1,4 @@
-"""What a Video4Linux2 node reports it can do (linux/videodev2.h). Every call belongs under the device's lock."""
+"""The capabilities that a Video4Linux2 node reports (linux/videodev2.h). Every call belongs under the device's lock."""
 
 import errno
 import fcntl

@@ -78,7 +78,7 @@ NEEDED = {
     "sound": READ | WRITE,
     "input": READ,
 }
-"""What a tool needs of a node by the class of the node; nodes of other classes are read through sysfs instead."""
+"""The rights that a tool needs on a node, by its class; nodes of other classes are read through sysfs instead."""
 USUAL = {"tty": "dialout", "video4linux": "video", "media": "video", "sound": "audio", "i2c-dev": "i2c"}
 """Groups that distributions give to the nodes of a class; `plugdev` elsewhere."""
 WORDS = {READ: "read", WRITE: "write to", READ | WRITE: "read and write to"}
@@ -138,7 +138,7 @@ def refused(nodes: Iterable[tuple[str, str]], who: Account | None = None) -> lis
 
 
 def remedy(node: Node, who: Account) -> str:
-    """What lets the user use the node: a new session, a group, or a rule where no group has the rights."""
+    """The remedy that lets the user use the node: a new session, a group, or a rule where no group has the rights."""
     needed = NEEDED[node.kind]
     if node.gid == 0 or (node.mode >> 3) & needed != needed:
         group = USUAL.get(node.kind, "plugdev") if node.gid == 0 else node.group

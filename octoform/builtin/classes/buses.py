@@ -1,4 +1,4 @@
-"""What other devices hang on: USB hubs, I2C and SPI buses, billboards, controllers."""
+"""Devices that connect others: USB hubs, I2C and SPI buses, billboards, controllers."""
 
 import re
 
@@ -114,7 +114,7 @@ def claim_part(device: Device) -> Claim | None:
 
 
 def _by_bus(device: Device) -> Claim | None:
-    """What the bus itself states: a port, a function of a virtual machine, a code of PCI, a plain serial port."""
+    """Devices identified by their bus: a port, a function of a virtual machine, a code of PCI, a plain serial port."""
     maker, model = device.fact("vendor_name"), device.fact("device_name")
     if device.bus == "typec" or (device.bus == "thunderbolt" and model):
         kind, noun = _BUSES[device.bus]

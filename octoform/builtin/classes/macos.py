@@ -1,4 +1,4 @@
-"""What macOS's own reports say of a device: they name its kind, so there is nothing to infer.
+"""Devices of macOS's own reports, which name the kind, so that nothing is inferred.
 
 No capability follows: the embedded agent writes tools for Linux's class interfaces, and what macOS offers in their
 place has never been tried by it. Such a device is named, and INTERFACE leaves it out with that reason.

@@ -97,7 +97,7 @@ def claim(device: Device) -> Claim | None:
 
 
 def _side_stream(device: Device, evidence: Evidence) -> Claim:
-    """What accompanies the pictures of a camera: PROBE lists such a node apart, since no picture comes out of it."""
+    """Nodes beside a camera's pictures: PROBE lists such a node apart, since no picture comes out of it."""
     # The second node of a USB camera has the name of the camera, which would be another camera to a reader.
     own = () if _ON_USB.search(device.path) else device.names("video4linux", "name")
     return Claim("video_data", INFRASTRUCTURE, "video metadata node", (evidence,), names=own, settled=False)
@@ -121,7 +121,7 @@ def _focus() -> tuple[Capability, ...]:
 
 
 def _names(device: Device) -> tuple[tuple[str, ...], ...]:
-    """What the nodes are called, those of pictures first; several of one board are called by what they share."""
+    """The names of the nodes, those of pictures first; several nodes of one board have their common name."""
     nodes = [name for kind, name in device.nodes if kind == "video4linux"]
     facts = [(fact.index < len(nodes) and nodes[fact.index].startswith("video"), fact) for fact in
              device.of("video4linux", "name")]  # fmt: skip
@@ -250,7 +250,7 @@ def _by_interfaces(device: Device) -> set[str]:
 
 
 def capabilities(directions: set[str]) -> tuple[Capability, ...]:
-    """What the directions (p, c) of a card's PCM devices allow."""
+    """The capabilities by the directions (p, c) of a card's PCM devices."""
     found = []
     if "c" in directions:
         found.append(

@@ -166,7 +166,7 @@ def spoken_of(text: str) -> tuple[str, str, str] | None:
 
 
 def claim_plain(device: Device) -> Claim | None:
-    """What the plain words of the strings say, for a USB device that shows no class of its own."""
+    """The kind by the plain words of the strings, for a USB device that shows no class of its own."""
     if device.bus != "usb":
         return None
     for line, text, says in _spoken(device):

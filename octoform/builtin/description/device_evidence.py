@@ -46,7 +46,7 @@ class Interface:
 
 @dataclass(frozen=True, slots=True)
 class Registered:
-    """What the host's id databases say of the unit's ids, and the line of PROBE that leads there.
+    """The entry of the host's id databases for the unit's ids, and the line of PROBE that leads there.
 
     ``maker`` is the line that names the vendor, where another one names the product.
     """
@@ -100,7 +100,7 @@ class Device:
         return found.text if found else ""
 
     def of(self, kernel_class: str, *keys: str) -> list[Fact]:
-        """What a kernel class of the unit states, under the keys where any are given."""
+        """The lines of a kernel class of the unit, under the keys where any are given."""
         return [fact for fact in self.facts if fact.owner == kernel_class and (not keys or fact.key in keys)]
 
     def groups(self, kernel_class: str) -> list[dict[str, Fact]]:

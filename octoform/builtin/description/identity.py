@@ -1,4 +1,4 @@
-"""What a unit is called, and how sure that is.
+"""The name of a unit, and its confidence.
 
 The order of trust: the device's own strings where they name a model, the kernel's own names for what it found, the
 host's id databases, and last the plain class. Confidence speaks of the product's name, not of its class: a camera
@@ -245,7 +245,7 @@ def _kernel_name(claim: Claim) -> Identity | None:
 
 
 def _statement(name: str, lines: Sequence[str]) -> str:
-    """What follows from the lines: that it is called so, and what kind of thing this agent's own words call it."""
+    """The statement that the lines support: the name, and the kind in this agent's words."""
     quoted = {word for line in lines for word in product_names.words(line)}
     own = [word for word in product_names.words(name) if word not in quoted]
     return "the kernel's name for it" + (f": {' '.join(own)}" if own else "")
@@ -257,7 +257,7 @@ def _strings(device: Device) -> tuple[Evidence, ...]:
 
 
 def _display(device: Device, claim: Claim) -> str:
-    """What an unknown device is called: its own strings as they are, with the kind that shows."""
+    """The name of an unknown device: its own strings verbatim, with the kind that shows."""
     strings = product_names.join(device.text("manufacturer"), device.product_text)
     return f"{claim.noun} ({strings})" if strings else claim.noun
 

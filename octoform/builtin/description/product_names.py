@@ -1,4 +1,4 @@
-"""What a string of a device reports about the product: a model, only a class, or only the chip's transport.
+"""Classifies a string of a device by what it identifies: a model, only a class, or only the chip's transport.
 
 Every string here comes from a device and is data: it is bounded, cleaned and compared, nothing more. The judgement
 uses general words of the trade (what kind of thing, which transport), never the name of a maker or a product.

@@ -1,4 +1,4 @@
-"""What each bus reports about a device on it: identity of the kind, strings, instance facts.
+"""Facts of a device by its bus: identity of the kind, strings, instance facts.
 
 A table of attributes for each bus, a function where ids are packed into something else. The names of the buses and
 attributes are those of the kernel's own documentation (Documentation/ABI).

@@ -47,7 +47,7 @@ def event_kinds(events: int) -> str:
 
 
 def input_kinds(bits: Mapping[str, int]) -> str:
-    """What the capability bits amount to: ``keyboard``, ``mouse``, ``touchpad``, ``buttons`` ..., comma-separated."""
+    """The kinds of input by the capability bits: ``keyboard``, ``mouse``, ``buttons`` ..., comma-separated."""
     key, axes = bits["key"], bits["abs"]
     found = [*_key_kinds(key), *_pointer_kinds(key, bits["rel"], axes, bits["prop"])]
     if bits["sw"]:

@@ -1,4 +1,4 @@
-"""What each kernel class reports of the kind of a device: which attributes, under which keys.
+"""Facts of the kind of a device by its kernel class: which attributes, under which keys.
 
 One small function for each class whose folder needs understanding, a table of attribute names for the rest. Readings
 (a temperature, a charge, a brightness) are never taken: they are no facts about a kind and differ at every run.

@@ -41,7 +41,7 @@ class Command:
 
 
 def output(command: Command, reader: Reader, most: int = MAX_BYTES) -> str:
-    """What the tool prints, as text; OSError in the words of a scan's status where it does not.
+    """The tool's output as text; OSError, worded as a scan's status, when it fails.
 
     FileNotFoundError: the host has no such tool. TimeoutError: it did not end in time. Another OSError: it failed,
     or it printed more than ``most`` bytes.
@@ -133,7 +133,7 @@ def _folders(command: Command) -> Sequence[str]:
 
 
 def _bridge() -> dict[str, str]:
-    """What a program of the Windows side needs to be started from a WSL2 kernel."""
+    """The environment for a program of the Windows side, started from a WSL2 kernel."""
     return {name: os.environ[name] for name in ("WSL_INTEROP",) if name in os.environ}
 
 

@@ -73,7 +73,7 @@ def name(unit: Unit, vid: str, pid: str) -> str:
 
 
 def _member_name(unit: Unit) -> str:
-    """What the first class device with a name is called, the most specific name first."""
+    """The name of the first class device that has one, the most specific name first."""
     for subsystem in _NAMING_CLASSES:
         for node in in_order(node for node in owned(unit) if node.subsystem == subsystem):
             facts = dict(node.lines)
@@ -222,7 +222,7 @@ def entries(units: Iterable[Unit]) -> list[dict[str, object]]:
 
 
 def _kind_of(base: str, unit: Unit) -> tuple[str, str, str]:
-    """What two units have in common that may be taken for each other: the product, else what they are called."""
+    """The key that interchangeable units share: the product, else the name."""
     vid, pid = unit.vid_pid()
     return (vid, pid, "") if vid and pid else ("", "", base)
 

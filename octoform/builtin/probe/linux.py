@@ -364,7 +364,7 @@ class Linux:
         return [*sysfs, *beside, *(self._windows.scans() if self._windows else ())]
 
     def units(self) -> list[Unit]:
-        """What the kernel shows, and what is merely near."""
+        """The devices of the kernel, and those that are merely near."""
         kernel = device_units.collect(dict(self._sysfs.nodes))
         near = [*self._context.units(), *self._paired.units()]
         return [*kernel, *near, *(self._windows.units() if self._windows else ())]

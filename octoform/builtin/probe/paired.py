@@ -46,7 +46,7 @@ PROFILES: Mapping[str, str] = {
 
 @dataclass(slots=True)
 class PairedDevice:
-    """What is known of one paired device: its kind in standard numbers, and as instance facts address and state."""
+    """The facts of one paired device: its kind in standard numbers, and as instance facts address and state."""
 
     address: str
     kind: str = ""

@@ -95,7 +95,7 @@ class Reader:
             return ""
 
     def note(self) -> str:
-        """What could not be read, for the scan's detail: ``unreadable: EACCES 2, EIO 1``."""
+        """The failed reads, for the scan's detail: ``unreadable: EACCES 2, EIO 1``."""
         if not self.failures:
             return ""
         return "unreadable: " + ", ".join(f"{name} {count}" for name, count in sorted(self.failures.items()))

@@ -43,7 +43,7 @@ def commands(tools: Mapping[str, Mapping[str, Any]], profiles: Profiles) -> Spok
 
 
 def section(tools: Mapping[str, Mapping[str, Any]], spoken: Spoken, shapes: Shapes) -> dict[str, Any]:
-    """What the template needs."""
+    """The variables of the template."""
     profiles = {str(profile["name"]): profile for profile, _ in spoken.values()}
     return {
         "wires": {name: _wire(profile["grammar"]["line"]) for name, profile in profiles.items()},
@@ -83,7 +83,7 @@ def _local_command(grammar: Mapping[str, Any], command: Mapping[str, Any]) -> di
 
 
 def _step(grammar: Mapping[str, Any], tool: str) -> str:
-    """What a command means for the counted position and for a stop, as Python source; "" when nothing."""
+    """The effect of a command on the counted position and on a stop, as Python source; "" for none."""
     position = grammar.get("position") or {}
     given = [
         f"{quoted(axis)}, {of['parameter']}" for axis, of in position.get("axes", {}).items() if of["tool"] == tool

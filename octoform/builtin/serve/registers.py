@@ -17,7 +17,7 @@ _WIDTH = 110
 
 
 def section(tools: Mapping[str, Mapping[str, Any]], spoken: Spoken, shapes: Shapes) -> dict[str, Any]:
-    """What the template needs."""
+    """The variables of the template."""
     profiles = {str(profile["name"]): profile for profile, _ in spoken.values()}
     return {
         "banks": [_bank(profile) for profile in profiles.values()],
@@ -122,7 +122,7 @@ def _tuple(items: Iterable[str]) -> str:
 
 
 def _given(bank: Mapping[str, Any], command: Mapping[str, Any]) -> Iterator[str]:
-    """What a command fixes, as statements before its call."""
+    """The fixed values of a command, as statements before its call."""
     if command["do"] in ("move_units", "pose"):
         fixed = bank["poses"][command["pose"]] if command["do"] == "pose" else {}
         moved = {name: name for name in command["parameters"] if name in bank["units"]}

@@ -179,7 +179,7 @@ def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def failed_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is reported as failed is something that the server asks for."""
+    """A requirement that is reported as failed must be one of the server's."""
     known = declared_names(artifacts.serve or "") | {normalised(item["provided_by"]) for item in value["imports"]}
     return [
         warning(
@@ -222,7 +222,7 @@ def duplicate_requirement(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def failed_and_required(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What failed to install is not required as well."""
+    """A requirement that failed to install must not be listed as required too."""
     names = {normalised(item["name"]) for item in value["requirements"]}
     return [
         error(
@@ -237,7 +237,7 @@ def failed_and_required(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What the server's header declares is settled: required, or owned up to as failed."""
+    """Each requirement of the server's header must be listed as required or as failed."""
     settled = {normalised(item["name"]) for item in (*value["requirements"], *value.get("deps_failed", ()))}
     return [
         error(
@@ -251,7 +251,7 @@ def declared_not_required(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 _INSTALLERS = frozenset({"pip", "setuptools", "wheel", "uv", "virtualenv", "pipenv", "poetry", "build", "hatch", "pdm"})
-"""What puts packages into an environment; nothing that runs in it needs them unless it imports them."""
+"""Package installers; nothing that runs in it needs them unless it imports them."""
 
 
 def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -375,7 +375,7 @@ _INDEX = re.compile(r"^\s*(?:-i|-f|--index-url|--extra-index-url|--find-links|--
 
 
 def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> list[Diagnostic]:
-    """What is wrong with a lock in pip's requirements format as the lock of a DEPLOY artifact.
+    """Diagnostics for a lock in pip's requirements format as the lock of a DEPLOY artifact.
 
     Every entry is pinned with ``==`` and has SHA-256 hashes; no entry comes from a URL or a path, no line names
     another index; every requirement of ``deploy`` is in it with its version.
@@ -403,7 +403,7 @@ def deploy_installed(
     providers: Mapping[str, Collection[str]],
     requirements: Mapping[str, Collection[str]],
 ) -> list[Diagnostic]:
-    """What the built environment shows to be wrong with a DEPLOY artifact for the text of a server.
+    """Diagnostics for a DEPLOY artifact by the built environment and the source of a server.
 
     ``providers`` are the distributions that have files of a module, ``requirements`` what each installed one asks for.
     """

@@ -26,7 +26,7 @@ ACTIONS = {
     "device_moved": ("rediscover",),
     "none": (),
 }
-"""What may be done about an error of each class; nothing at all may always be done."""
+"""The allowed actions for an error of each class; no action is always allowed."""
 
 
 def class_differs(value: JsonObject, artifacts: Artifacts) -> Found:
@@ -40,7 +40,7 @@ def class_differs(value: JsonObject, artifacts: Artifacts) -> Found:
 
 
 def target_differs(value: JsonObject, artifacts: Artifacts) -> Found:
-    """What was asked for is what was treated."""
+    """The report must treat the error that was asked for."""
     target = facts_of(artifacts).target
     if target is None or value["target"] == target:
         return []
@@ -127,7 +127,7 @@ RULES = (
 READS_LESS, INVENTS = "HEAL-READS-LESS", "HEAL-INVENTS"
 PATH = "server.py"
 _LASTING = frozenset({"runtime.device", "runtime.bus"})
-"""What each tool begins with; the other names of the runtime may be asked for wrongly, like those of a library."""
+"""The calls that each tool begins with; the other names of the runtime may be misused, like those of a library."""
 _KEEP = "fix what is asked wrongly, and go on asking; a tool that cannot be fixed so is left as it is"
 _NO_VALUE = "return what was read, and let a failure be an error; no reading is invented or replaced by a default"
 
@@ -141,7 +141,7 @@ class _Side:
 
 
 def bereft(accepted: str, rewritten: str, functions: Iterable[str]) -> list[Diagnostic]:
-    """What the rewritten ``functions`` (with those that are new) no longer do; both texts compile."""
+    """The actions that the rewritten and new ``functions`` no longer have; both sources compile."""
     named = frozenset(functions)
     old, new = needed_source(accepted), needed_source(rewritten)
     known = {item.name for item in _functions(old)}
@@ -211,7 +211,7 @@ def _constant(value: ast.expr) -> bool:
 
 
 def _assigned(side: _Side) -> dict[str, list[ast.expr]]:
-    """What each name is given, over all functions."""
+    """The values assigned to each name, over all functions."""
     found: dict[str, list[ast.expr]] = {}
     for function in side.functions:
         for node in ast.walk(function):

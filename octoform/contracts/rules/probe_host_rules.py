@@ -55,7 +55,7 @@ def unknown_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def contradicted(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What is stated of a device and of the platform is what the host shows."""
+    """The facts of a device and of the platform must be those that the host shows."""
     if known.scan is None:
         return []
     true = _by_id(known.scan)
@@ -109,7 +109,7 @@ def missing_device(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def left_out(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What is omitted is not listed all the same, and is little; that it looks dull is no reason.
+    """An omitted device must not be listed too; few may be omitted, and looking unimportant is no reason.
 
     It need not be there any more: a device that went away while the agent looked is reported as gone.
     """

@@ -85,7 +85,7 @@ def no_working_scan(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def neighbour_not_context(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What is merely near (network, radio) carries ``context: true``, and nothing that is attached does."""
+    """A device that is merely near (network, radio) carries ``context: true``, and nothing that is attached does."""
     out = []
     true = {device["id"] for device in known.scan.probe["devices"]} if known.scan else None
     for index, device in enumerate(value["devices"]):
@@ -294,7 +294,7 @@ def text_not_of_host(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
 
 
 def text_missing(value: JsonObject, known: Artifacts) -> list[Diagnostic]:
-    """What the system calls a device is in what is stated of it: no one after PROBE can look it up."""
+    """The system's name for a device must be among its facts: no later stage can look it up."""
     out = []
     for index, device, true in _pairs(value, known.scan):
         names = {word for text in _strings(device) for word in _words(text)}
@@ -357,7 +357,7 @@ def _words(text: str) -> list[str]:
 
 
 def _marks(instance: JsonObject) -> list[str]:
-    """What of a device's place is spelt so that it can be nothing else: paths, nodes, a place on PCI."""
+    """The parts of a device's place with an unmistakable form: paths, nodes, a place on PCI."""
     marks = [str(instance["sysfs"]), *instance.get("paths", ())]
     for node in instance.get("nodes", ()):
         marks += [node["node"]] if "node" in node else []

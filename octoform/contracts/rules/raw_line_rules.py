@@ -54,7 +54,7 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
 
 
 def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is stated to read on a line that no one knows speaks nowhere of moving or changing something."""
+    """A read on an undocumented line must not mention moving or changing something."""
     out = []
     for index, at, device, capability in _reading(value, artifacts):
         if device["id"] in artifacts.offered and not _only_listens(capability):
@@ -71,7 +71,7 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def read_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is read through a line that no one knows rests on a word of the device; a bare board gives none."""
+    """A read on an undocumented line needs a word of the device as evidence; a bare board gives none."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, at, device, capability in _reading(value, artifacts):
@@ -220,7 +220,7 @@ def is_raw_line(device: JsonObject) -> bool:
 
 
 def cure(device: str, artifacts: Artifacts) -> str:
-    """What supplies the knowledge that is missing, in a sentence."""
+    """The way to supply the missing knowledge, in a sentence."""
     if device in artifacts.offered:
         return (
             f"for its owner alone: `profiles: [{artifacts.offered[device]}]` in octopus.yaml, a profile that matches it"

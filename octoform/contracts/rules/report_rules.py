@@ -28,7 +28,7 @@ _WORDS = ("summary", "message", "suggested_fix", "statement", "reason", "seen")
 
 @dataclass(frozen=True, slots=True)
 class Target:
-    """What a claim is about, in its parts: a device with perhaps one unit, a tool, or (both None) the endpoint."""
+    """The target of a claim, in its parts: a device with perhaps one unit, a tool, or (both None) the endpoint."""
 
     device: str | None = None
     unit: str | None = None
@@ -384,7 +384,7 @@ def _outranked(code: str) -> RuleCheck:
 
 
 def _restricts_reading(code: str) -> RuleCheck:
-    """What reads or stops stays open: no one could learn otherwise that the problem is over, or end a movement."""
+    """A claim must not restrict tools that read or stop: they show the end of the problem, or end a movement."""
 
     def check(value: Any, artifacts: Artifacts) -> Found:
         found = []

@@ -162,7 +162,7 @@ def _mine(value: JsonObject, part: str) -> Any:
 
 
 def _unfit(part: str, item: JsonObject | None, own: list[str]) -> tuple[str, str] | None:
-    """What speaks against a tool in its place, and what to do."""
+    """The objection to a tool in its place, and what to do."""
     if item is None:
         return "is not one of INTERFACE", "use a tool of input.json"
     if part in ("view", "camera"):

@@ -36,7 +36,7 @@ def shared_hub(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def sharing(
     camera: str, annotated: Iterable[Mapping[str, Any]], probed: Mapping[str, Mapping[str, Any]]
 ) -> list[tuple[str, str]]:
-    """What is commanded and hangs on an external hub of the camera's: each device's id and the id of the hub.
+    """Commanded devices on an external hub of the camera: each device's id and the id of the hub.
 
     ``annotated`` are the devices of IDENTIFY, ``probed`` those of PROBE by their id.
     """

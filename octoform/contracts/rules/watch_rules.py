@@ -109,7 +109,7 @@ def _dead(item: JsonObject, facts: DutyFacts) -> bool:
 
 
 def _of_tool(item: JsonObject, facts: DutyFacts) -> Iterator[Any]:
-    """What came from the tool of an error or, where only its device is named, from any tool."""
+    """The readings of an error's tool or, where only its device is named, of any tool."""
     tool = item["tool"]
     yield from (row for row in facts.readings if row["channel"] in _CALLED and tool in (None, row["source"]))
     yield from (row for row in facts.failures if tool in (None, row["tool"]))
@@ -140,7 +140,7 @@ def _cited_alike(failure: Any, cited: set[str], artifacts: Artifacts) -> bool:
 
 
 def declaration_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
-    """What cannot be taken back rests on what is read now, and on what it is about: no old reading makes it true."""
+    """A permanent restriction needs a fresh reading of its own target: no old reading proves it."""
     facts, found = facts_of(artifacts), []
     now = {row["id"] for row in (*facts.newest().values(), *facts.lasting())}
     known = set(facts.ids())

@@ -1,1 +1,1 @@
-"""What IDENTIFY may say of a device: names, answers, capabilities."""
+"""Rules for IDENTIFY's annotations: names, answers, capabilities."""

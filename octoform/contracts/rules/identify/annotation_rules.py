@@ -197,7 +197,7 @@ def _evident(entry: JsonObject, artifacts: Artifacts) -> list[str]:
 
 
 def _without_method(device: JsonObject, entry: JsonObject, artifacts: Artifacts) -> tuple[str, str] | None:
-    """What speaks against a method, and what to write; None where nothing does."""
+    """The objection to a method, and what to write; None without one."""
     method, known = device["method"], device["confidence"] >= CLAIMED
     strings = "write descriptor_strings where its own strings decided, or the method that did"
     if method == "none" and known and device["category"] != "unknown":
@@ -246,7 +246,7 @@ def _has_string(entry: JsonObject) -> bool:
 def _contradicted(
     reason: str, entry: JsonObject, kept: list[JsonObject], artifacts: Artifacts
 ) -> tuple[str, str] | None:
-    """What PROBE shows against a reason, and what to write; None where nothing does."""
+    """The objection in PROBE to a reason, and what to write; None without one."""
     evident = _evident(entry, artifacts)
     annotate = "add it to devices: skip only what offers nothing or is a part of another entry"
     place = str(entry.get("instance", {}).get("sysfs", ""))
@@ -344,7 +344,7 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What changes or destroys something is no read, and the name of a read begins with what it reads by."""
+    """A capability that changes or destroys something is no read, and a read's name begins with a word of reading."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     return [
         error(

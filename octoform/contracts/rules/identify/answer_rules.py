@@ -90,7 +90,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
 
 
 def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is missing of a device is one question."""
+    """A device has at most one question for what is missing."""
     return [
         error(
             "IDENTIFY-MANY-QUESTIONS",

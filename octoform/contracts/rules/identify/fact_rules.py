@@ -99,7 +99,7 @@ def _right_category(device: JsonObject, ways: frozenset[str]) -> str | None:
 
 
 def description_copied(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What a capability does is not described in the words of another one, of a device of another class."""
+    """A capability must not have the description of another one, of a device of another class."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     first: dict[str, tuple[JsonObject, JsonObject]] = {}
     out = []
@@ -178,7 +178,7 @@ def way_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def destruction_understated(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What nothing brings back is irreversible."""
+    """A capability whose effect nothing can undo is irreversible."""
     return [
         error(
             "IDENTIFY-NOT-REVERSIBLE",
@@ -193,7 +193,7 @@ def destruction_understated(value: JsonObject, _: Artifacts) -> list[Diagnostic]
 
 
 def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is unknown is called by its own words and words of kind, and by no product that it might be."""
+    """An unknown device is named by its own words and words of kind, and by no product that it might be."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, device in enumerate(value["devices"]):

@@ -117,7 +117,7 @@ def chip_not_product(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
 
 
 def unknown_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is unknown can do nothing."""
+    """An unknown device has no capability."""
     return [
         error(
             "IDENTIFY-UNKNOWN-CAPABILITY",
@@ -131,7 +131,7 @@ def unknown_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def unknown_confidence(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is unknown has the confidence 0."""
+    """An unknown device has the confidence 0."""
     return [
         error(
             "IDENTIFY-UNKNOWN-CONFIDENCE",
@@ -145,7 +145,7 @@ def unknown_confidence(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def unknown_missing(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What is unknown states which sentence from a person would settle it."""
+    """An unknown device has the question whose answer would identify it."""
     return [
         error(
             "IDENTIFY-UNKNOWN-MISSING",
@@ -159,7 +159,7 @@ def unknown_missing(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def neighbour_promoted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What PROBE saw merely nearby gets no capability."""
+    """A device that PROBE saw merely nearby gets no capability."""
     context = {name for name, device in _probed(artifacts).items() if device.get("context") is True}
     return [
         error(

@@ -80,7 +80,7 @@ def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagn
 
 
 def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What is stated to be in an id database is there: octoform has looked."""
+    """A citation of an id database must be in the database: octoform looks it up."""
     out = []
     for index, device, probed in _claims(value, artifacts):
         entry = _entry(device, artifacts)
@@ -172,13 +172,13 @@ def _claims(value: JsonObject, artifacts: Artifacts) -> Iterable[tuple[int, Json
 
 
 def _held_products(device: JsonObject, artifacts: Artifacts) -> list[str]:
-    """What the profile that holds for a device, and that its annotation names, calls the product."""
+    """The product's name in the profile that matches a device and that its annotation names."""
     facts = artifacts.profiles.get(device.get("profile", ""))
     return [facts.product] if facts is not None and device["id"] in facts.holds else []
 
 
 def _entry(device: JsonObject, artifacts: Artifacts) -> str | None:
-    """What the host's databases say of a device; "" for nothing, None where no one looked."""
+    """The entry of the host's databases for a device; "" for none, None where they were not read."""
     return None if artifacts.registered is None else artifacts.registered.get(device["id"], "")
 
 
@@ -285,7 +285,7 @@ def _models(of: Iterable[str]) -> list[str]:
 
 
 def _own_words(probed: JsonObject, entry: str | None) -> str | None:
-    """What would bear out a name: the device's own lines, and what the host's database reports of its numbers."""
+    """The possible sources of a name: the device's own lines, and the database's entry for its numbers."""
     lines = str(probed.get("raw_descriptor", "")).splitlines()
     items = [line for key in _TELLING_KEYS for line in lines if line.startswith(f"{key}: ")]
     items = [f"PROBE has {display(line)}" for line in items[:4]]

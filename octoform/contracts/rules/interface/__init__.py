@@ -1,1 +1,1 @@
-"""What INTERFACE may offer as a tool: bounds, results, texts."""
+"""Rules for the tools of INTERFACE: bounds, results, texts."""

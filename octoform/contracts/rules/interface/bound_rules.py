@@ -48,7 +48,7 @@ _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
 _ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
 _SIGNS = "aZ09 /;$-.#"
-"""What lines, commands and paths are made of."""
+"""The words for parts of lines, commands and paths."""
 _TAKES_ALL = frozenset({".*", "^.*$", ".+", "^.+$", "[\\s\\S]*", "^[\\s\\S]*$", "(?s).*", ""})
 
 
@@ -188,7 +188,7 @@ def _waits(value: JsonObject) -> Iterator[tuple[JsonObject, str, str, Mapping[st
 
 
 def effect_understated(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What changes or destroys something by its own words is no tool that reads."""
+    """A tool that changes or destroys something by its own words is no tool that reads."""
     wanted = effects_of(artifacts)
     return [
         error(

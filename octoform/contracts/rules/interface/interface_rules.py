@@ -99,7 +99,7 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def _bare(schema: Any) -> str:
-    """What is missing of a schema for a result; empty where nothing is."""
+    """The missing part of a schema for a result; empty without one."""
     if schema is None:
         return "is not described: there is no output_schema"
     if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
@@ -168,7 +168,7 @@ def _states(form: "re.Pattern[str]", text: str, names: str) -> bool:
 
 
 def _names(artifacts: Artifacts) -> str:
-    """What all devices are called, by themselves and by IDENTIFY."""
+    """The names of all devices, their own and IDENTIFY's."""
     found = [*(artifacts.identify or {}).get("devices", ()), *(artifacts.probe or {}).get("devices", ())]
     lines = (str(device.get(name, "")) for device in found for name in ("identified_as", "name", "raw_descriptor"))
     return "\n".join(lines).casefold()
@@ -207,7 +207,7 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
 
 
 def identify_blamed(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """What the agent reports only IDENTIFY can fix is reported to IDENTIFY; no interface stands on it."""
+    """A problem that only IDENTIFY can fix is sent to IDENTIFY; no interface is accepted with it."""
     known, out = _known(artifacts), []
     for index, item in enumerate(value.get("identify_errors", ())):
         about = " and ".join(display(item[name]) for name in ("capability", "device") if name in item)

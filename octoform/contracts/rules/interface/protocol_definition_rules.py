@@ -41,7 +41,7 @@ RULES = (Rule(CODE, definition_differs),)
 
 
 def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:
-    """What of a tool is not as its command reports, and what to do."""
+    """The difference of a tool from its command, and what to do."""
     command = commands.get(name)
     if command is None or tool["name"] != name:
         near = did_you_mean(tool["name"], list(commands))

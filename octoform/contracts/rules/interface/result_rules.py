@@ -51,7 +51,7 @@ def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What an input_schema requires is among its properties."""
+    """A required member of an input_schema must be among its properties."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for name in _required(tool):
@@ -377,7 +377,7 @@ def units_missing(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def units_wrong(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """What a tool reports of its units fits its parameters, and its own words."""
+    """A tool's ``units`` must fit its parameters and its description."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for problem in _problems(tool) if "units" in tool else ():

@@ -1,1 +1,1 @@
-"""What the code of a generated server may do, read from its syntax tree."""
+"""Rules for the code of a generated server, read from its syntax tree."""

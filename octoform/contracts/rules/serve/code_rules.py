@@ -93,7 +93,7 @@ def import_relative(value: str, _: Artifacts) -> list[Diagnostic]:
 
 
 def import_undeclared(value: str, _: Artifacts) -> list[Diagnostic]:
-    """What is neither the standard library nor ``runtime`` comes from a declared dependency.
+    """An import from neither the standard library nor ``runtime`` must come from a declared dependency.
 
     A module may be called otherwise than its distribution. So a module of another name is let pass as long as the
     header declares a distribution that no import accounts for; DEPLOY names the provider of each module exactly.
@@ -203,7 +203,7 @@ def ends_process(value: str, _: Artifacts) -> list[Diagnostic]:
 
 
 def module_changed(value: str, _: Artifacts) -> list[Diagnostic]:
-    """What the server imports stays as it is: a reader that was replaced reads nothing any more."""
+    """A server must not replace attributes of its imports: a replaced reader reads nothing any more."""
     source = needed_source(value)
     hint = "write a function of your own and call that; modules are used as they are"
     out = []

@@ -175,7 +175,7 @@ def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def frame_by_hand(value: str, _: Artifacts) -> list[Diagnostic]:
-    """What is written to a serial line is text, or comes from the library that knows the frames."""
+    """Data for a serial line must be text, or come from the library that knows the frames."""
     source = needed_source(value)
     if not any(opens_line(source, function) for function in source.functions):
         return []

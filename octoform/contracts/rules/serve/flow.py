@@ -1,4 +1,4 @@
-"""What a value of a generated server depends on: the device that was found, what was read of it, the caller, chance.
+"""Data flow of a generated server, the origins of each value: a found device, a reading of it, the caller, chance.
 
 Followed through the syntax tree, by way of names, attributes, functions, classes and the tests that decide whether a
 statement runs. What cannot be determined counts as read, so that a right server in unusual words is never taken for a
@@ -80,7 +80,7 @@ class Flow(Deciding):
         self._settle()
 
     def of(self, node: ast.AST | None) -> Origin:
-        """What the value of an expression depends on."""
+        """The origins of the value of an expression."""
         if node is None:
             return Origin.NONE
         seen = self._seen.get(node)
@@ -129,7 +129,7 @@ class Flow(Deciding):
         return [each.value for each in kept] if sure else []
 
     def returned(self, function: Function) -> Origin:
-        """What the results of a function depend on."""
+        """The origins of the results of a function."""
         found = Origin.NONE
         for value in self.results(function):
             found |= self.of(value) | self.control(value)
@@ -208,7 +208,7 @@ class Flow(Deciding):
         return None if binder is None else self.of(binder.iter)
 
     def _binder(self, node: ast.Name) -> ast.comprehension | ast.Lambda | None:
-        """What binds a name inside of an expression; it is the same one in every round."""
+        """The bindings of a name inside of an expression; each is the same one in every round."""
         if node not in self._binders:
             self._binders[node] = self._binder_of(node)
         return self._binders[node]
@@ -232,7 +232,7 @@ class Flow(Deciding):
         return Origin.NONE
 
     def bound(self, binding: Binding) -> Origin:
-        """What flows into a name by one of its bindings."""
+        """The origins of a name by one of its bindings."""
         value = binding.value
         if isinstance(value, ast.ExceptHandler):
             return Origin.READ
@@ -253,7 +253,7 @@ class Flow(Deciding):
         return Origin.COUNTED if around else Origin.NONE
 
     def _filled(self, call: ast.Call) -> Origin:
-        """What a call may bring into what it is given: what it was given, where it knows of a device."""
+        """The origins that a call may fill into its arguments: a reading, where it has a device."""
         name = self._source.dotted(call.func)
         functions = self._functions(call.func)
         for item in (*call.args, *(each.value for each in call.keywords)):
@@ -273,7 +273,7 @@ class Flow(Deciding):
         return self._any([*call.args, *(item.value for item in call.keywords)])
 
     def _parameter(self, function: Function, name: str) -> Origin:
-        """What callers give for a parameter; what no one here calls may be given anything."""
+        """The callers' arguments for a parameter; an uncalled function may get any."""
         found = Origin.NONE
         if name in SELF:
             return found
@@ -291,7 +291,7 @@ class Flow(Deciding):
         return found | self._any(defaults(function, name))
 
     def _passed(self, function: Function, call: ast.Call, name: str) -> Origin:
-        """What one call gives for a parameter."""
+        """The argument of one call for a parameter."""
         given = [*function.args.posonlyargs, *function.args.args]
         if given and given[0].arg in SELF:
             given = given[1:]
@@ -326,7 +326,7 @@ class Flow(Deciding):
         return self.bindings.scope(root, root.id) is not None
 
     def _field(self, owner: ast.ClassDef, name: str) -> Origin:
-        """What is given for a field where a class without `__init__` of its own is made."""
+        """The argument for a field where a class without `__init__` of its own is made."""
         fields = [
             item.target.id
             for item in owner.body
@@ -374,7 +374,7 @@ class Flow(Deciding):
         return self.bindings.scope(node, node.id) is not None or bool(self.bindings.of(None, node.id))
 
     def _instance(self, owner: ast.ClassDef) -> Origin:
-        """What using an object of a class may give without naming a method."""
+        """The origins of an object's special methods, which are called without being named."""
         found = Origin.NONE
         for item in owner.body:
             if not isinstance(item, ast.FunctionDef | ast.AsyncFunctionDef) or item.name in MADE:

@@ -31,7 +31,7 @@ _PORT_ITSELF = re.compile(
     r"set_?(?:baud_?rate|timeout|blocking|packet_?timeout\w*|default|low_latency\w*|exclusive)|setdefault|set",
     re.IGNORECASE,
 )
-"""What states how a port is read, and containers."""
+"""Names for the settings of a port, and containers."""
 _MOVED_MEMBERS = frozenset(
     {"angle", "position", "goal", "goal_position", "target", "value", "throttle", "speed", "velocity", "torque"}
     | {"torque_enable", "duty_cycle", "fraction", "dtr", "rts", "break_condition", "state", "output", "goal_velocity"}
@@ -105,7 +105,7 @@ def on_a_line(value: str) -> frozenset[str]:
 
 
 def _reached(source: Source, site: ToolSite) -> list[ast.AST]:
-    """What a call of the tool can enter: functions and classes of the file, and what its names stand for there."""
+    """The code that a call of the tool can enter: functions and classes of the file, and the values of its names."""
     bound: dict[str, list[ast.AST]] = {}
     for statement in source.tree.body:
         if isinstance(statement, ast.Assign | ast.AnnAssign | ast.AugAssign):
@@ -197,7 +197,7 @@ def _question(source: Source, node: ast.expr, used: list[Function], seen: frozen
 
 
 def _parts(node: ast.expr) -> list[ast.expr]:
-    """What an expression is put together of, or chosen from; [] where that cannot be determined."""
+    """The parts or alternatives of an expression; [] where that cannot be determined."""
     if isinstance(node, ast.IfExp):
         return [node.body, node.orelse]
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
@@ -225,7 +225,7 @@ def _is_question(value: object) -> bool:
 
 
 def _bindings(source: Source, name: ast.Name, used: list[Function]) -> list[ast.expr]:
-    """What a name may stand for: assignments, loops, and for a parameter what its callers here give; [] if unknown."""
+    """The values of a name: assignments, loops, and for a parameter what its callers here give; [] if unknown."""
     owner, found = source.owner(name), []
     scopes: list[ast.AST] = [owner] if owner is not None else []
     while scopes and (outer := source.owner(scopes[-1])) is not None:
@@ -258,7 +258,7 @@ def _bound_by(item: ast.AST, name: str) -> Iterator[ast.expr]:
 
 
 def _given(source: Source, function: Function, at: int, name: str, used: list[Function]) -> list[ast.expr]:
-    """What those of the functions that are used give for a parameter; [] where one of them cannot be determined."""
+    """The arguments for a parameter in the used functions; [] where one of them cannot be determined."""
     if function.decorator_list and not any("contextmanager" in source.dotted(item) for item in function.decorator_list):
         return []  # a tool: its callers are outside
     method = isinstance(source.parents.get(function), ast.ClassDef)

@@ -13,7 +13,7 @@ from octoform.contracts.server_source import Function, Source, walk
 
 
 class Origin(IntFlag):
-    """What a value depends on; none is a constant of the file.
+    """The origins of a value; none is a constant of the file.
 
     ``SYSTEM``: a program, the network or a library gave it without a device as input. ``COUNTED``: how often
     something came about.
@@ -44,7 +44,7 @@ ELSEWHERE = re.compile(
     r"subprocess\.\w+|asyncio\.create_subprocess_exec|asyncio\.open_connection|socket\.\w+|urllib\.request\.\w+"
     r"|http\.client\.\w+|(?:requests|httpx|aiohttp|paramiko|telnetlib|ftplib|smtplib|bleak|psutil)\..+"
 )
-"""What asks something outside of the process: programs and the network."""
+"""Modules that ask something outside of the process: programs and the network."""
 CHANCE = re.compile(
     r"(?:.*\.)?random\..+|secrets\..+|uuid\..+"
     r"|os\.(?:urandom|getpid|getloadavg|times|getrandom|cpu_count)|hash|id"
@@ -65,7 +65,7 @@ PURE = re.compile(
     r"|heapq|numbers|unicodedata|warnings|asyncio|threading|queue|concurrent|time|random|inspect|weakref|locale|html"
     r"|colorsys|difflib|pprint|reprlib|zoneinfo|runtime\.sentence|runtime\.bus|runtime\.sysroot)(?:\..+)?|.*Error|.*Fault)"
 )
-"""What only makes one value of another, unless it is given the place of a device."""
+"""Calls that only convert a value, unless it is given the place of a device."""
 PLACES = frozenset(
     {"node", "nodes", "path", "paths", "bus", "joinpath", "with_name", "with_suffix", "with_stem", "relative_to"}
     | {
@@ -123,7 +123,7 @@ PLACES = frozenset(
 """Methods that describe a path, or make another one of it; whatever else is asked of it reads."""
 OPENS = frozenset({"open", "io.open", "os.open", "os.fdopen", "io.FileIO"})
 OF_ITSELF = frozenset({"id", "strength", "actuate"})
-"""What a device that was found knows without being asked."""
+"""Attributes of a found device that need no access."""
 SELF = frozenset({"self", "cls"})
 MADE = ("__init__", "__post_init__", "__new__")
 
@@ -144,7 +144,7 @@ def leads_out(statement: ast.AST) -> TypeGuard[ast.If | ast.While]:
 
 
 def touches(name: str) -> bool:
-    """What of the modules that only make one value of another reaches a device all the same."""
+    """Calls of converting modules that reach a device all the same."""
     return name.rpartition(".")[2] in ("VideoCapture", "to_thread", "run_in_executor", "FileIO", "fromfile", "imread")
 
 
@@ -178,24 +178,24 @@ _ANNOTATED, _SCOPED = (ast.AnnAssign, ast.AugAssign), (ast.With, ast.AsyncWith)
 
 
 class Deciding(ABC):
-    """What decides whether a statement of a file runs, of what was read."""
+    """The read values that decide whether a statement of a file runs."""
 
     _source: Source
     _deciding: dict[ast.AST, tuple[tuple[ast.expr, ...], tuple[ast.expr, ...]]]
 
     @abstractmethod
     def of(self, node: ast.AST | None) -> Origin:
-        """What the value of an expression depends on."""
+        """The origins of the value of an expression."""
 
     def control(self, node: ast.AST) -> Origin:
-        """What decides whether a statement runs, of what was read: not whom the caller named."""
+        """The read values that decide whether a statement runs, without the caller's choice."""
         found = Origin.NONE
         for test in self._decided_by(node)[0]:
             found |= self.of(test)
         return (found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)) | self.past(node)
 
     def past(self, node: ast.AST) -> Origin:
-        """What was read that decided that a statement is reached at all: a wait before it, or a way out.
+        """The read values that decided whether a statement is reached: a wait before it, or a way out.
 
         A way out where nothing was read is none: anyone who makes up a result may still look whether there is one.
         """
@@ -369,7 +369,7 @@ class Bindings:
         return None
 
     def _add_attributes(self, node: ast.AST) -> None:
-        """What is stored into attributes, and the fields of classes."""
+        """The values stored in attributes, and the fields of classes."""
         for target, value in _pairs(node):
             for item in walk(target):
                 if isinstance(item, ast.Attribute) and isinstance(item.ctx, ast.Store):
@@ -451,7 +451,7 @@ def _named(node: ast.AST, target: ast.expr, value: ast.expr, added: bool) -> Ite
 
 
 def _changed(call: ast.Call) -> Iterator[tuple[str, Binding]]:
-    """What a call may change: what its method belongs to, and what it is given to fill."""
+    """The objects that a call may change: its method's, and arguments to be filled."""
     root = base(call.func) if isinstance(call.func, ast.Attribute) else None
     asks = isinstance(call.func, ast.Attribute) and call.func.attr in _ASKS
     if root is not None and not asks and (call.args or call.keywords):

@@ -17,7 +17,7 @@ _NUMBERED = re.compile(
 _NAMES = re.compile(r"(?:tty(?:USB|ACM|AMA|S|THS|O)|video|hidraw|hwmon|spidev|COM|i2c-)\d+(?:\.\d+)?")
 _ADDRESS = re.compile(r"(?:\w+://)?(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}(?::\d+)?(?:/.*)?")
 _BY_ITSELF = re.compile(r"psutil\.sensors_\w+")
-"""What looks for devices of the machine that runs it, whichever host is meant."""
+"""Calls that search the machine that runs them for devices, whichever host is meant."""
 _NOT_DEVICES = re.compile(r"/dev/(?:null|zero|full|u?random|shm(?:/.*)?|std\w+|fd(?:/.*)?)")
 _PATH_TESTS = frozenset(
     {"startswith", "removeprefix", "endswith", "is_relative_to", "relative_to", "match", "fullmatch"}

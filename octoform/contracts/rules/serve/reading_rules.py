@@ -23,7 +23,7 @@ _ELSEWHERE = re.compile(
     r"|urllib\.request\.\w+|http\.client\.\w+|(?:requests|httpx|aiohttp)\..+"
     r"|runtime\.(?:channels|counting|evdev|gpio|lines|movement|nmea|registers|units|v4l2|child)\.\w+"
 )
-"""What reaches a device: programs, the network, modules of the runtime that are given it."""
+"""Ways to reach a device: programs, the network, modules of the runtime that are given it."""
 _CHANGES_TEXT = frozenset(
     {
         "replace",
@@ -171,7 +171,7 @@ def does_nothing(source: Source, function: Function) -> bool:
 
 
 def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonObject) -> str | None:
-    """What is wrong with the ids that a tool asks for, as far as they are constants."""
+    """Diagnostics for the ids that a tool asks for, as far as they are constants."""
     given = [call.args[0] if call.args else next((k.value for k in call.keywords), None) for call in asked]
     known = [constants(flow, item) for item in given]
     names = {name for each in known for name in each or ()}
@@ -198,7 +198,7 @@ def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonO
 
 
 def _names_another(source: Source, roots: list[Function], tool: JsonObject, artifacts: Artifacts) -> str | None:
-    """What is wrong with a tool in whose own body the id of a device stands that is not one of it."""
+    """Diagnostics for a tool whose own body has the id of a foreign device."""
     known = {device for each in (artifacts.interface or {"tools": []})["tools"] for device in each["devices"]}
     written = {
         node.value
@@ -210,7 +210,7 @@ def _names_another(source: Source, roots: list[Function], tool: JsonObject, arti
 
 
 def _falls_back(source: Source, used: list[Function], tool: JsonObject) -> str | None:
-    """What is wrong with a tool of several devices that goes on with one of them where the wanted one fails."""
+    """Diagnostics for a tool of several devices that falls back to another device when the wanted one fails."""
     if len(tool["devices"]) < 2:
         return None
     for node in source.by_kind[ast.Constant]:

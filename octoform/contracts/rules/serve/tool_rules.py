@@ -21,7 +21,7 @@ _PLAIN_OPTIONS = frozenset(
     {"name", "instructions", "version", "website_url", "icons", "on_duplicate", "mask_error_details"}
     | {"dereference_schemas", "strict_input_validation"}
 )
-"""What a server may be made with: words about it, and how strict it is. All else acts on requests, or adds to them."""
+"""The allowed arguments of a server: words about it, and how strict it is. All others act on requests."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +72,7 @@ def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def interface_blamed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """What the agent reports only INTERFACE can fix is reported to INTERFACE; no server stands on it."""
+    """A problem that only INTERFACE can fix is sent to INTERFACE; no server is accepted with it."""
     wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
     out = []
     for name, problem in interface_errors(value):

@@ -423,7 +423,7 @@ def _is_optional(node: ast.expr) -> bool:
 
 
 def _targets(statement: ast.stmt) -> Iterator[ast.Name]:
-    """What a statement sets; what is added to a sum was there before."""
+    """The names that a statement sets; the target of an augmented assignment was there before."""
     added = {item.target for item in walk(statement) if isinstance(item, ast.AugAssign)}
     for item in walk(statement):
         if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store) and item not in added:

@@ -89,7 +89,7 @@ _READING_METHODS = PLACES | {
 _LATER = frozenset({"Thread", "Timer", "submit", "create_task", "ensure_future", "start_new_thread", "call_later"})
 _WAITS = frozenset({"join", "result", "gather", "wait", "wait_for", "as_completed"})
 _OF_VALUES = frozenset({"KeyError", "ValueError", "IndexError", "TypeError", "AttributeError", "StopIteration"})
-"""What goes wrong with values of the program, and not with a device."""
+"""Exceptions about values of the program, and not about a device."""
 
 
 def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -170,7 +170,7 @@ def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """What a tool sets is set when its call ends: behind it, neither the lock nor an emergency stop holds it."""
+    """A tool must finish its writes before its call ends: after it, neither lock nor emergency stop holds it."""
     source = needed_source(value)
     hint = "do it in the call itself, or wait there for what was started (join, result)"
     out: dict[ast.Call, Diagnostic] = {}
