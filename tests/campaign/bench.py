@@ -10,11 +10,12 @@ import signal
 import socket
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
+import warm
 from projects import OCTOFORM, Project
 from replugged import Host
 
@@ -43,7 +44,9 @@ class Bench:
     def __init__(self, project: Project, host: Host, plug: Callable[[Host], None]) -> None:
         self.project, self.host, self._plug = project, host, plug
         self.layout = Layout(project.folder, project.host)
-        self.daemon: subprocess.Popen[str] | None = None
+        self.daemon: subprocess.Popen[bytes] | warm.Begun | None = None
+        self.loaded = False
+        """True where daemons and their workers are forks of the loaded command line: nothing about their size shows."""
         self.log = project.outside / "watch.log"
         """What the daemons have printed."""
         self.undo: list[Callable[[], object]] = []
@@ -72,19 +75,22 @@ class Bench:
         self.daemons_started += 1
         health = self.layout.daemon / "health.json"
         health.unlink(missing_ok=True)
-        log = self.log.open("ab")
-        with log:
-            daemon = self.daemon = subprocess.Popen(
-                [*below, str(OCTOFORM), "watch"],
-                cwd=self.project.folder,
-                env=self.project.environment(),
-                stdin=subprocess.DEVNULL,
-                stdout=log,
-                stderr=log,
-                text=True,
-            )
+        with self.log.open("ab") as log:
+            daemon = self.daemon = self._begun(below, log)
         assert until(lambda: health.exists() or daemon.poll() is not None, LONG), "the daemon does not look"
         assert daemon.poll() is None, self.said()
+
+    def _begun(self, below: Sequence[str], log: IO[bytes]) -> "subprocess.Popen[bytes] | warm.Begun":
+        if self.loaded:
+            return warm.begin_daemon(OCTOFORM, self.project.folder, self.project.environment(), log.fileno())
+        return subprocess.Popen(
+            [*below, str(OCTOFORM), "watch"],
+            cwd=self.project.folder,
+            env=self.project.environment(),
+            stdin=subprocess.DEVNULL,
+            stdout=log,
+            stderr=log,
+        )
 
     def end_daemon(self, number: int = signal.SIGTERM) -> int:
         """End it and give back its status."""

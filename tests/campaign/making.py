@@ -36,7 +36,7 @@ def plug_in(host: Host) -> None:
             plug()
 
 
-def made(kind: str, folder: Path, environments: Path | None = None, port: int = PORT) -> Bench:
+def made(kind: str, folder: Path, environments: Path | None = None, port: int = PORT, *, loaded: bool = False) -> Bench:
     """A bench that is applied and watched: ``scripted``, ``intranet``, ``builtin`` or ``small``.
 
     ``small`` has a disk of its own (mounting it needs the rights of root). ``environments`` is a folder of serving
@@ -67,6 +67,7 @@ def made(kind: str, folder: Path, environments: Path | None = None, port: int = 
     project.apply(status=0)
     project.run("start", status=0)
     bench = Bench(project, host, plug_in)
+    bench.loaded = loaded
     if kind == "small":
         bench.closing = lambda: subprocess.run(["umount", "--lazy", str(folder)], check=True)
     bench.watch()

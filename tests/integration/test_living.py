@@ -32,7 +32,7 @@ with open(sys.argv[1], "a") as file:
 @pytest.fixture(scope="module")
 def bench(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Iterator[Bench]:
     """One deployment for all of them; each test leaves it well."""
-    found = made("scripted", tmp_path_factory.mktemp("living"), environments)
+    found = made("scripted", tmp_path_factory.mktemp("living"), environments, loaded=True)
     alerts = found.project.outside / "alerts"
     program = json.dumps([sys.executable, "-c", NOTIFY, str(alerts)])
     found.project.manifest["daemon"] = f"{{calls_per_hour: 1000, notify: {{command: {program}}}}}"

@@ -27,6 +27,8 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+import worker_forks
+
 import octoform
 from octoform.base import processes
 from octoform.endpoint.bounded_program import ForkServer
@@ -96,10 +98,22 @@ class Begun:
             self._its.settimeout(timeout)
             try:
                 self._status = int(self._its.recv(64))
-            except TimeoutError:
+            except (TimeoutError, BlockingIOError):
                 raise subprocess.TimeoutExpired([str(self.pid)], timeout) from None
             self._its.close()
         return self._status
+
+    def poll(self) -> int | None:
+        """Its status; None while it goes on."""
+        try:
+            return self.wait(0)
+        except subprocess.TimeoutExpired:
+            return None
+
+    def send_signal(self, number: int) -> None:
+        """Send it a signal, if it has not ended."""
+        if self.poll() is None:
+            os.kill(self.pid, number)
 
     def kill(self) -> None:
         """Kill it, if it has not ended."""
@@ -113,11 +127,21 @@ def begin(
     """Start a run in a session of its own, whose terminal is the first of the ``streams`` (stdin, stdout, stderr)."""
     order = {"argv": [str(program), *arguments], "cwd": str(cwd), "environ": dict(environ), "said": "", "kept": False}
     stdin, out, err = streams
+    return _begun(order, out, err, stdin)
+
+
+def begin_daemon(program: Path, cwd: Path, environ: Mapping[str, str], log: int) -> Begun:
+    """Start `octoform watch`, which prints into ``log``, and whose workers are forks too: see `worker_forks`."""
+    order = {"argv": [str(program), "watch"], "cwd": str(cwd), "environ": dict(environ), "said": "", "kept": False}
+    return _begun({**order, "daemon": True}, log, log)
+
+
+def _begun(order: Mapping[str, object], *streams: int) -> Begun:
     mine, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with its:
         with _ONE:
             keeper = _keeper()
-        socket.send_fds(keeper, [json.dumps(order).encode()], [its.fileno(), out, err, stdin])
+        socket.send_fds(keeper, [json.dumps(order).encode()], [its.fileno(), *streams])
     return Begun(int(mine.recv(64)), mine)
 
 
@@ -199,16 +223,23 @@ def keep(orders: socket.socket) -> int:
             if not pid:
                 selector.close()
                 orders.detach()
-                for terminal in descriptors[3:]:
-                    _sit_at(terminal)
-                _become(json.loads(order), *descriptors[1:3], *servers)
-                _ENDED.append(_status())
-                return _ENDED[0]
+                return _forked(json.loads(order), descriptors, servers)
             asker = socket.socket(fileno=descriptors[0])
             for descriptor in descriptors[1:]:
                 os.close(descriptor)
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _forked(order: Mapping[str, object], descriptors: Sequence[int], servers: Sequence[int]) -> int:
+    """In the fork: be the command that the order is about; its exit status."""
+    for terminal in descriptors[3:]:
+        _sit_at(terminal)
+    become(order, *descriptors[1:3], *servers)
+    if order.get("daemon"):
+        worker_forks.install(become)
+    _ENDED.append(_status())
+    return _ENDED[0]
 
 
 def _fork_servers(folder: Path, *, own: bool) -> list[int]:
@@ -285,7 +316,7 @@ def _tell_end(pid: int, asker: socket.socket) -> None:
         asker.send(str(status).encode())
 
 
-def _become(order: dict[str, object], out: int, err: int, *kept: int) -> None:
+def become(order: Mapping[str, object], out: int, err: int, *kept: int) -> None:
     """Take on folder, environment, arguments and streams of the order, as a new program has them."""
     environ, argv = order["environ"], order["argv"]
     assert isinstance(environ, dict) and isinstance(argv, list)
