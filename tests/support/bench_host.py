@@ -32,15 +32,20 @@ def bench_host(root: Path) -> Path:
     return root
 
 
-def lab(root: Path) -> Path:
-    """The bench, a camera that prints its serial number, a disk on USB, a touch screen on I2C, two bus controllers."""
-    bench_host(root)
-    tree = Tree(root)
+def watched(root: Path) -> Path:
+    """The bench and a camera that prints its serial number."""
+    tree = Tree(bench_host(root))
     camera = tree.usb(f"{HUB}/1-2", "1f00", "00c1", SERIAL)
     (camera / "product").write_text(f"Bench Cam {SERIAL}\n")
     (camera / "manufacturer").write_text("Bench Works\n")
     tree.bus(f"{HUB}/1-2/1-2:1.0", "usb", {"bInterfaceNumber": "00", "bInterfaceClass": "0e"}, DRIVER="uvcvideo")
     tree.member(f"{HUB}/1-2/1-2:1.0/video4linux/video0", "video4linux", {"name": "Bench Cam"}, DEVNAME="video0")
+    return root
+
+
+def lab(root: Path) -> Path:
+    """The bench with its camera, a disk on USB, a touch screen on I2C, two bus controllers."""
+    tree = Tree(watched(root))
     stick = tree.usb(f"{HUB}/1-3", "1f00", "00d1")
     (stick / "product").write_text("Bench Stick\n")
     disk = f"{HUB}/1-3/1-3:1.0/host0/target0:0:0/0:0:0:0"

@@ -3,6 +3,7 @@
 import ast
 import textwrap
 from collections.abc import Callable
+from functools import lru_cache
 
 Edit = Callable[[str], str]
 MAIN = '\n\nif __name__ == "__main__":'
@@ -10,13 +11,23 @@ ASKED = 'runtime.device("hwmon-benchtemp")'
 FILE = f'{ASKED}.path("hwmon") / "temp1_input"'
 
 
+class Absent(LookupError):
+    """The server has not what an edit is about."""
+
+
+@lru_cache(maxsize=4)
+def functions(source: str) -> dict[str, ast.FunctionDef]:
+    """The functions of a server that are no methods, by name."""
+    return {item.name: item for item in ast.parse(source).body if isinstance(item, ast.FunctionDef)}
+
+
 def body(name: str, text: str) -> Edit:
     """The function of this name with other statements below its docstring."""
 
     def edit(source: str) -> str:
-        [function] = [
-            item for item in ast.walk(ast.parse(source)) if isinstance(item, ast.FunctionDef) and item.name == name
-        ]
+        function = functions(source).get(name)
+        if function is None:
+            raise Absent(name)
         kept = source.splitlines()
         first = function.body[1] if ast.get_docstring(function) else function.body[0]
         lines = textwrap.indent(textwrap.dedent(text).strip("\n"), "    ").splitlines()
@@ -27,6 +38,8 @@ def body(name: str, text: str) -> Edit:
 
 def swap(old: str, new: str) -> Edit:
     def edit(source: str) -> str:
+        if old not in source:
+            raise Absent(old)
         assert source.count(old) == 1, (old, source.count(old))
         return source.replace(old, new)
 

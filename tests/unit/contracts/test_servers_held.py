@@ -1,13 +1,15 @@
 """Servers by the dozen: each wrong one is refused for what is wrong, and no right one is, in whatever words."""
 
+from contextlib import suppress
+from pathlib import Path
 from typing import Any
 
 import pytest
-from bench_host import desk
+from bench_host import desk, watched
 from cases import for_each
 from guarded_servers import GUARDED, RIGHT
 from right_servers import READS, RESULTS, reading, result
-from server_edits import all_of, swap
+from server_edits import Absent, Edit, all_of, swap
 from wrong_servers import BY_DEFINITION, WRONG
 
 from octoform.base.id_databases import IdDatabases
@@ -16,58 +18,65 @@ from octoform.builtin.interface import declare
 from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.rules.serve.serve_rules import serve_static
-from octoform.diagnostics import Severity
+from octoform.diagnostics import Diagnostic, Severity
 
 LIBRARIES = swap('"opencv-python-headless>=4.10"', '"opencv-python-headless>=4.10", "minimalmodbus", "smbus2"')
 
 
+Servers = list[tuple[dict[str, Any], str]]
+
+
 @pytest.fixture(scope="module")
-def desk_server(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict[str, Any], str]:
-    """INTERFACE of the desk, and the server that the embedded agent writes for it."""
-    host = desk(tmp_path_factory.mktemp("desk") / "host")
-    interface = declare(identify(probe_root(host), IdDatabases(host)), 1000)
-    return interface, render(interface)
+def servers(tmp_path_factory: pytest.TempPathFactory) -> Servers:
+    """INTERFACE and the server that the embedded agent writes for it: of a thermometer and a camera, and of a desk."""
+
+    def made(host: Path) -> tuple[dict[str, Any], str]:
+        interface = declare(identify(probe_root(host), IdDatabases(host)), 1000)
+        return interface, render(interface)
+
+    return [made(host(tmp_path_factory.mktemp("bench") / "host")) for host in (watched, desk)]
 
 
-def errors(text: str, interface: dict[str, Any]) -> set[str]:
-    return {item.code for item in serve_static(text, interface) if item.severity is Severity.ERROR}
+def judged(edit: Edit, servers: Servers) -> list[Diagnostic]:
+    """What is found after the edit of the first server that has what it is about."""
+    for interface, good in servers:
+        with suppress(Absent):
+            return serve_static(edit(good), interface)
+    raise AssertionError("no server has what the edit is about")
+
+
+def errors(edit: Edit, servers: Servers) -> set[str]:
+    return {item.code for item in judged(edit, servers) if item.severity is Severity.ERROR}
 
 
 EVERY = WRONG | {f"guarded: {name}": case for name, case in GUARDED.items()}
 
 
 @for_each("case", EVERY)
-def test_a_wrong_server_is_refused_for_what_is_wrong(case: str, desk_server: tuple[dict[str, Any], str]) -> None:
-    interface, good = desk_server
+def test_a_wrong_server_is_refused_for_what_is_wrong(case: str, servers: Servers) -> None:
     edit, code = EVERY[case]
-    found = errors(edit(good), interface)
+    found = errors(edit, servers)
     assert code in found and found <= {code, "SERVE-BUS-UNLOCKED", "SERVE-SETS-NOTHING"}
 
 
 @for_each("way", READS)
-def test_a_right_way_to_read_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
-    interface, good = desk_server
-    assert serve_static(all_of(reading(way), LIBRARIES)(good), interface) == []
+def test_a_right_way_to_read_gives_no_finding(way: str, servers: Servers) -> None:
+    assert judged(all_of(reading(way), LIBRARIES), servers) == []
 
 
 @for_each("way", RESULTS)
-def test_a_right_result_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
-    interface, good = desk_server
-    assert serve_static(result(way)(good), interface) == []
+def test_a_right_result_gives_no_finding(way: str, servers: Servers) -> None:
+    assert judged(result(way), servers) == []
 
 
 @for_each("way", BY_DEFINITION)
-def test_what_an_empty_series_gives_by_definition_is_no_finding(
-    way: str, desk_server: tuple[dict[str, Any], str]
-) -> None:
-    interface, good = desk_server
-    assert "SERVE-DEFAULT-READING" not in errors(BY_DEFINITION[way](good), interface)
+def test_what_an_empty_series_gives_by_definition_is_no_finding(way: str, servers: Servers) -> None:
+    assert "SERVE-DEFAULT-READING" not in errors(BY_DEFINITION[way], servers)
 
 
 @for_each("way", RIGHT)
-def test_a_number_that_a_test_may_choose_gives_no_finding(way: str, desk_server: tuple[dict[str, Any], str]) -> None:
-    interface, good = desk_server
-    assert serve_static(RIGHT[way](good), interface) == []
+def test_a_number_that_a_test_may_choose_gives_no_finding(way: str, servers: Servers) -> None:
+    assert judged(RIGHT[way], servers) == []
 
 
 def test_there_are_enough_of_them_to_mean_something() -> None:
