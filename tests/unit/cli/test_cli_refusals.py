@@ -9,8 +9,10 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+import warm
 from disks import mounts_are_permitted, read_only, small_disk
 from launched import Launched, launched, tool, write
+from projects import OCTOFORM
 
 from octoform.endpoint.publication import Service
 from octoform.state.layout import Layout
@@ -25,9 +27,6 @@ def move_rail(steps: int) -> int:
     return steps
 '''
 TOOLS = [tool("move_rail", "actuate")]
-# Not the script in .venv/bin: in a folder with a blank in its name a shell starts the interpreter, and setpriv hands
-# only its very first program the right to pass through the home of root, where an interpreter may lie.
-PROGRAM = [sys.executable, "-P", "-m", "octoform.cli"]
 NOBODY = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
 as_root = pytest.mark.skipif(os.getuid() != 0, reason="only root can act as another user")
 with_mounts = pytest.mark.skipif(not mounts_are_permitted(), reason="no mounts here")
@@ -35,10 +34,7 @@ with_mounts = pytest.mark.skipif(not mounts_are_permitted(), reason="no mounts h
 
 def octoform(folder: Path, *words: str, prefix: Sequence[str] = ()) -> "subprocess.CompletedProcess[str]":
     environ = {"PATH": os.environ["PATH"], "HOME": str(folder)}
-    done = subprocess.run(
-        [*prefix, *PROGRAM, *words], cwd=folder, env=environ, stdin=subprocess.DEVNULL, capture_output=True,
-        text=True, timeout=60,
-    )  # fmt: skip
+    done = subprocess.CompletedProcess(words, *warm.run(OCTOFORM, words, folder, environ, 60, prefix=prefix))
     assert "Traceback" not in done.stderr, done.stderr
     return done
 
@@ -58,12 +54,13 @@ def bench() -> Iterator[Launched]:
             yield endpoint
 
 
-@pytest.fixture
-def stopped(tmp_path: Path) -> Layout:
-    """The same with an endpoint that does not run."""
-    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+@pytest.fixture(scope="module")
+def stopped(tmp_path_factory: pytest.TempPathFactory) -> Layout:
+    """The same with an endpoint that does not run; nothing is written into it."""
+    folder = tmp_path_factory.mktemp("stopped")
+    (folder / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
     policy = {"format": 1, "mode": "enforce", "stop": [], "tools": {}}
-    return write(tmp_path, SOURCE, Service(TOOLS, policy, [], "local", None, None))
+    return write(folder, SOURCE, Service(TOOLS, policy, [], "local", None, None))
 
 
 COMMANDS = [
@@ -73,37 +70,6 @@ COMMANDS = [
 ]  # fmt: skip
 
 
-IN_TURN = """
-import importlib, json, os, pkgutil, sys, tempfile, traceback
-from octoform.cli.main import main
-
-for package in ("cli.commands", "manifest", "engine", "endpoint", "views", "state"):
-    found = importlib.import_module("octoform." + package)
-    for module in pkgutil.walk_packages(found.__path__, found.__name__ + "."):
-        if ".scripts" not in module.name:
-            importlib.import_module(module.name)
-
-for words in json.loads(sys.argv[1]):
-    with tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
-        pid = os.fork()
-        if pid == 0:
-            os.dup2(out.fileno(), 1)
-            os.dup2(err.fileno(), 2)
-            status = 70
-            try:
-                status = main(words.split())
-            except SystemExit as ended:
-                status = ended.code
-            except BaseException:
-                traceback.print_exc()
-            sys.stdout.flush()
-            sys.stderr.flush()
-            os._exit(status)
-        status = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
-        texts = [os.pread(each.fileno(), 1 << 20, 0).decode() for each in (out, err)]
-        print(json.dumps([words, status, *texts]), flush=True)
-"""
-"""Each of several commands in a fork of a process that has octoform loaded."""
 Answers = dict[tuple[str, str], tuple[int, str, str]]
 
 
@@ -113,14 +79,9 @@ def strangers(bench: Launched) -> Answers:
     folder, found = bench.layout.project, {}
     for closed, mode in ((".octoform", 0o700), (".octoform/bench", 0o755)):
         (folder / ".octoform").chmod(mode)
-        command = [*NOBODY, sys.executable, "-P", "-c", IN_TURN, json.dumps(COMMANDS)]
-        environ = {"PATH": os.environ["PATH"], "HOME": str(folder)}
-        done = subprocess.run(
-            command, cwd=folder, env=environ, stdin=subprocess.DEVNULL, capture_output=True, text=True, timeout=120,
-            check=True,
-        )  # fmt: skip
-        for words, status, out, err in map(json.loads, done.stdout.splitlines()):
-            found[closed, words] = status, out, err
+        for words in COMMANDS:
+            done = octoform(folder, *words.split(), prefix=NOBODY)
+            found[closed, words] = done.returncode, done.stdout, done.stderr
     return found
 
 
@@ -129,7 +90,7 @@ def strangers(bench: Launched) -> Answers:
 @pytest.mark.parametrize("closed", [".octoform", ".octoform/bench"])
 def test_another_user_is_told_whose_it_is(bench: Launched, strangers: Answers, words: str, closed: str) -> None:
     status, out, err = strangers[closed, words]
-    assert status == 1 and "Traceback" not in err
+    assert status == 1
     assert "PROJECT-FOREIGN" in err and f"{closed} belongs to user root" in err
     assert "not running" not in out + err
     assert bench.process

@@ -40,7 +40,20 @@ def log(tmp_path: Path) -> Path:
     return path
 
 
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What the process does, done here, where the library is loaded once; the process is that of a whole apply."""
+    monkeypatch.setenv("LOOP_KEY", SECRET)
+
+    def ask(_: LiteLLMCompletion, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
+        return Ended("ended", 0), json.dumps(bare.main(json.loads(question))).encode()
+
+    monkeypatch.setattr(LiteLLMCompletion, "_ask", ask)
+
+
 @pytest.mark.slow
+@pytest.mark.usefixtures("here")
+@pytest.mark.filterwarnings("ignore:Accessing the")
 def test_an_answer_within_the_cap(log: Path) -> None:
     before = log.read_bytes()
     with serve(script({"text": SUMMARY})) as server:
@@ -55,17 +68,6 @@ def test_an_answer_within_the_cap(log: Path) -> None:
     assert "text data=log" in question[1]["content"]
     assert len(question[1]["content"]) < 80_000
     assert log.read_bytes() == before
-
-
-@pytest.fixture
-def here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """What the process does, done here, where the library is loaded once; the process has tests of its own."""
-    monkeypatch.setenv("LOOP_KEY", SECRET)
-
-    def ask(_: LiteLLMCompletion, folder: Path, way: Route, question: str) -> tuple[Ended, bytes]:
-        return Ended("ended", 0), json.dumps(bare.main(json.loads(question))).encode()
-
-    monkeypatch.setattr(LiteLLMCompletion, "_ask", ask)
 
 
 @pytest.mark.slow
