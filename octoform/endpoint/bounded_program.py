@@ -19,7 +19,7 @@ from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
-from typing import IO, ClassVar
+from typing import IO, ClassVar, Literal
 
 from octoform.base import processes, shortage
 from octoform.records import dataclass
@@ -108,31 +108,35 @@ def run(
         return _served(Finished(status, _head(out), _head(err), time.monotonic() - started, survivors))
 
 
+Purpose = Literal["servers", "pictures"]
+"""What a fork server loads: what every server and every client needs, or what looks into a picture."""
+
+
 class ForkServer:
-    """An interpreter of a serving environment that has loaded what every server and every client loads.
+    """An interpreter of a serving environment that has loaded what scripts of one purpose load.
 
     That takes a second or two of CPU time, once: scripts run as forks of it. It ends with this process, or after a
     minute without work; `at` gives the one of an interpreter. Where it does not load, `run` starts the script as a
     program of its own, which reports what is wrong.
     """
 
-    _kept: ClassVar[dict[tuple[int, ...], "ForkServer"]] = {}
+    _kept: ClassVar[dict[tuple[int | str, ...], "ForkServer"]] = {}
     _turn: ClassVar[threading.Lock] = threading.Lock()
 
     @classmethod
-    def at(cls, python: Path) -> "ForkServer":
+    def at(cls, python: Path, purpose: Purpose = "servers") -> "ForkServer":
         """The fork server of this interpreter, begun where none runs, or where its environment was built again.
 
         FileNotFoundError or PermissionError when there is no such interpreter.
         """
         with cls._turn:
             status = python.parents[1].stat()
-            environment = (status.st_dev, status.st_ino, status.st_ctime_ns)
+            wanted = (purpose, status.st_dev, status.st_ino, status.st_ctime_ns)
             for former in [key for key, server in cls._kept.items() if not server._lives()]:
                 cls._kept.pop(former).end()
-            if environment not in cls._kept:
-                cls._kept[environment] = cls(python)
-            return cls._kept[environment]
+            if wanted not in cls._kept:
+                cls._kept[wanted] = cls(python, purpose)
+            return cls._kept[wanted]
 
     @classmethod
     def end_all(cls) -> None:
@@ -141,7 +145,7 @@ class ForkServer:
             while cls._kept:
                 cls._kept.popitem()[1].end()
 
-    def __init__(self, python: Path) -> None:
+    def __init__(self, python: Path, purpose: Purpose = "servers") -> None:
         """Begin to load; who needs it waits by `loaded`."""
         self._owner = os.getpid()
         self._loaded: bool | None = None
@@ -151,7 +155,7 @@ class ForkServer:
         folder = python.parents[1].resolve()
         with its:
             self._process = subprocess.Popen(
-                [str(folder / "bin" / python.name), "-I", str(SCRIPT), str(its.fileno())],
+                [str(folder / "bin" / python.name), "-I", str(SCRIPT), str(its.fileno()), purpose],
                 cwd=folder,
                 env=serving_environment(),
                 pass_fds=[its.fileno()],

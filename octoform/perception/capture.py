@@ -16,7 +16,7 @@ from typing import Any, Literal
 import octoform.endpoint
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.bounded_program import base_environment, run
+from octoform.endpoint.bounded_program import ForkServer, base_environment, run
 from octoform.endpoint.client.check_verdict import UNIFORM_SPREAD
 from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.endpoint.client.terminal import CallResult, Person, Wanted, call
@@ -144,15 +144,21 @@ class Decoded:
 def decode(layout: Layout, pictures: Sequence[bytes]) -> list[Decoded | None] | Diagnostic:
     """What each picture looks like, None for one that is broken or that no library there can read.
 
-    PERCEPTION-NOT-DECODED when the program cannot be run or gives no answer.
+    PERCEPTION-NOT-DECODED when the program cannot be run or gives no answer. Its libraries are loaded once for all
+    pictures of this process: whoever tries hardware, or watches a camera, looks into a dozen of them.
     """
     environment = recorded_environment(layout)
     if environment is None:
         return _failed("the serving environment is not there", "octoform apply builds it")
-    return decode_with(environment.python, pictures)
+    try:
+        return decode_with(environment.python, pictures, ForkServer.at(environment.python, "pictures"))
+    except OSError as problem:
+        return _not_started(environment.python, problem)
 
 
-def decode_with(python: Path, pictures: Sequence[bytes]) -> list[Decoded | None] | Diagnostic:
+def decode_with(
+    python: Path, pictures: Sequence[bytes], fork_server: ForkServer | None = None
+) -> list[Decoded | None] | Diagnostic:
     """The same with a given interpreter."""
     task = json.dumps({"pictures": [base64.b64encode(data).decode() for data in pictures]})
     try:
@@ -162,9 +168,10 @@ def decode_with(python: Path, pictures: Sequence[bytes]) -> list[Decoded | None]
             environment=base_environment(),
             timeout=DECODE_SECONDS,
             stdin=task,
+            fork_server=fork_server,
         )
     except OSError as problem:
-        return _failed(f"{python} cannot be started: {problem.strerror}", "octoform plan shows what is wrong")
+        return _not_started(python, problem)
     if ended.timed_out:
         return _failed(f"it took more than {DECODE_SECONDS:g} s", "the machine may be busy; look again")
     try:
@@ -183,6 +190,10 @@ def _decoded(item: dict[str, Any]) -> Decoded | None:
     figures = (float(item["mean"]), float(item["spread"]))
     seen = Picture(*figures, thumb, str(item["pixels"]), float(item["grain"]))
     return Decoded(int(item["width"]), int(item["height"]), seen)
+
+
+def _not_started(python: Path, problem: OSError) -> Diagnostic:
+    return _failed(f"{python} cannot be started: {problem.strerror}", "octoform plan shows what is wrong")
 
 
 def _failed(reason: str, hint: str) -> Diagnostic:

@@ -17,6 +17,8 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport
 from projects import OCTOFORM, Project
 
+from octoform.endpoint.bounded_program import ForkServer, run
+from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.perception.capture import Picture, Taken, difference, take
 from octoform.simulation.rig import Rig, load
 from octoform.state.layout import Layout
@@ -153,6 +155,18 @@ def test_two_clients_and_the_heartbeat_at_once_spoil_no_packet(bench: Bench) -> 
         assert status.result() >= CALLS and joint.result() >= CALLS and beats.result() > 3
     assert arm.received - before >= TRANSACTIONS
     assert arm.broken == spoilt and arm.noise == 0
+
+
+def test_its_pictures_are_looked_into_by_forks_that_have_the_library_loaded(bench: Bench, tmp_path: Path) -> None:
+    assert bench.picture()
+    environment = recorded_environment(bench.layout)
+    assert environment is not None
+    script = tmp_path / "script.py"
+    script.write_text("import sys; print(*sorted({'cv2', 'fastmcp'} & {*sys.modules}))")
+    words = [str(environment.python), "-I", str(script)]
+    server = ForkServer.at(environment.python, "pictures")
+    ended = run(words, cwd=tmp_path, environment={}, timeout=30.0, fork_server=server)
+    assert (ended.status, ended.stdout) == (0, "cv2\n")
 
 
 def test_look_saves_what_the_camera_shows(bench: Bench, tmp_path: Path) -> None:

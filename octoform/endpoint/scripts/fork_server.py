@@ -1,14 +1,16 @@
-"""Loads what every server and every client imports, once, and runs scripts as forks of itself.
+"""Loads what scripts of one purpose import, once, and runs them as forks of itself.
 
-Run as ``python -I fork_server.py FD``, where FD is a socket (SOCK_SEQPACKET). It sends ``ready`` there once it has
-loaded, which also leaves the bytecode for every later start. An order is one JSON object ``{"argv": ["script.py",
-"..."], "cwd": "...", "environ": {...}}`` with four descriptors: an answer socket, and the script's standard streams.
-The answers are the id of the fork together with a descriptor of it (pidfd_open(2)), and its exit status once it has
-ended; the fork begins when a byte is sent to the answer socket. This process ends with the socket FD, and after a
-minute in which there is nothing to do.
+Run as ``python -I fork_server.py FD PURPOSE``, where FD is a socket (SOCK_SEQPACKET) and PURPOSE is ``servers`` (what
+every server and every client imports) or ``pictures``. It sends ``ready`` there once it has loaded, which also leaves
+the bytecode for every later start. An order is one JSON object ``{"argv": ["script.py", "..."], "cwd": "...",
+"environ": {...}}`` with four descriptors: an answer socket, and the script's standard streams. The answers are the id
+of the fork together with a descriptor of it (pidfd_open(2)), and its exit status once it has ended; the fork begins
+when a byte is sent to the answer socket. This process ends with the socket FD, and after a minute in which there is
+nothing to do.
 """
 
 import gc
+import importlib
 import json
 import os
 import runpy
@@ -25,12 +27,19 @@ IDLE_SECONDS = 60.0
 STREAMS = 3
 
 
-def load() -> None:
-    """Import it. A collection would find no garbage in what stays, neither now nor in a fork, which it would copy.
-
-    Some of it FastMCP imports late: what reads the docstring of a tool, and what an event loop needs.
-    """
+def load(purpose: str) -> None:
+    """Import it. A collection would find no garbage in what stays, neither now nor in a fork, which it would copy."""
     gc.disable()
+    if purpose == "pictures":
+        load_pictures()
+    else:
+        load_servers()
+    gc.freeze()
+    gc.enable()
+
+
+def load_servers() -> None:
+    """FastMCP, and what it imports late: what reads the docstring of a tool, and what an event loop needs."""
     import anyio
     import jsonschema  # noqa: F401
     from fastmcp import Client, FastMCP  # noqa: F401
@@ -38,8 +47,15 @@ def load() -> None:
     server = FastMCP("loaded")
     server.tool(described)
     anyio.run(server.list_tools)
-    gc.freeze()
-    gc.enable()
+
+
+def load_pictures() -> None:
+    """The library with which picture.py looks: the first that is here."""
+    for names in (("PIL.Image", "PIL.ImageChops", "PIL.ImageFilter", "PIL.ImageStat"), ("cv2",)):
+        with suppress(ImportError):
+            for name in names:
+                importlib.import_module(name)
+            return
 
 
 def described(value: int = 0) -> dict[str, int]:
@@ -135,7 +151,7 @@ def become(order: dict[str, object], answers: socket.socket, streams: list[int])
 def main() -> None:
     """Load, say so, serve."""
     orders = socket.socket(fileno=int(sys.argv[1]))
-    load()
+    load(sys.argv[2])
     orders.send(b"ready")
     serve(orders)
     os._exit(0)  # there is nothing to put in order, and to take apart what is loaded takes a while

@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from octoform.diagnostics import Diagnostic
+from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.terminal import CallResult
 from octoform.perception.capture import Decoded, Taken, decode, decode_with, judged, picture_of, take
 from octoform.state.layout import Layout
@@ -51,6 +52,13 @@ def test_size_brightness_and_thumbnail_of_pictures_in_one_run() -> None:
     assert third is not None and third.picture.thumb[:64:31] == bytes([10, 20, 30])
     assert third.picture.thumb[-64::31] == bytes([40, 50, 60])
     assert rest == [None, None, None]
+
+
+def test_a_fork_of_what_has_loaded_the_library_sees_the_same() -> None:
+    server = ForkServer.at(PYTHON, "pictures")
+    assert server.loaded(60)
+    pictures = [LEFT_DARK, b"no picture", LEFT_DARK[:-40]]
+    assert decode_with(PYTHON, pictures, server) == decode_with(PYTHON, pictures)
 
 
 def test_a_jpeg_without_its_end_is_no_picture() -> None:
