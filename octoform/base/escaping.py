@@ -24,9 +24,8 @@ def escaped(text: str, keep: Collection[str] = "") -> str:
 
 def escaped_json(text: str) -> str:
     """A JSON text with every hidden character inside its strings as ``\\uXXXX``: the same value, and nothing acts."""
-    if text.isprintable():
-        return text
-    return "".join(_utf16(char) if is_hidden(char) and char != "\n" else char for char in text)
+    hidden = (char for char in {*text} - {"\n"} if is_hidden(char))
+    return text.translate({ord(char): _utf16(char) for char in hidden})
 
 
 def _utf16(character: str) -> str:

@@ -24,6 +24,7 @@ from octoform.contracts.rules.serve.origins import (
     Bindings,
     Deciding,
     Origin,
+    Origins,
     arguments,
     base,
     defaults,
@@ -69,8 +70,8 @@ class Flow(Deciding):
             and item not in decorators
             and not is_registered(source, item)
         }
-        self._known: dict[ast.AST, Origin] = {}
-        self._seen: dict[ast.AST, Origin] = {}
+        self._known: dict[ast.AST, Origins] = {}
+        self._seen: dict[ast.AST, Origins] = {}
         self._going: set[ast.AST] = set()
         self._open: set[ast.AST] = set()
         self._met = 0
@@ -79,7 +80,7 @@ class Flow(Deciding):
         self._binders: dict[ast.Name, ast.comprehension | ast.Lambda | None] = {}
         self._settle()
 
-    def of(self, node: ast.AST | None) -> Origin:
+    def of(self, node: ast.AST | None) -> Origins:
         """The origins of the value of an expression."""
         if node is None:
             return Origin.NONE
@@ -128,7 +129,7 @@ class Flow(Deciding):
         sure = all(each.whole and isinstance(each.node, ast.Assign | ast.AnnAssign | ast.NamedExpr) for each in kept)
         return [each.value for each in kept] if sure else []
 
-    def returned(self, function: Function) -> Origin:
+    def returned(self, function: Function) -> Origins:
         """The origins of the results of a function."""
         found = Origin.NONE
         for value in self.results(function):
@@ -153,7 +154,7 @@ class Flow(Deciding):
             self._open = set()
         self._seen = self._known
 
-    def _origin(self, node: ast.AST) -> Origin:
+    def _origin(self, node: ast.AST) -> Origins:
         if isinstance(node, ast.Constant):
             inside = isinstance(node.value, str) and node.value.startswith("/proc/")
             return Origin.SYSTEM if inside else Origin.NONE
@@ -174,13 +175,13 @@ class Flow(Deciding):
             return self._any([*parts, *(each for one in node.generators for each in (one.iter, *one.ifs))])
         return self._any([item for item in children(node) if isinstance(item, ast.expr)])
 
-    def _any(self, nodes: Iterable[ast.AST | None]) -> Origin:
+    def _any(self, nodes: Iterable[ast.AST | None]) -> Origins:
         found = Origin.NONE
         for item in nodes:
             found |= self.of(item)
         return found
 
-    def _name(self, node: ast.Name) -> Origin:
+    def _name(self, node: ast.Name) -> Origins:
         inner = self._inner(node)
         if inner is not None:
             return inner
@@ -200,7 +201,7 @@ class Flow(Deciding):
                 found |= self.returned(function)
         return found
 
-    def _inner(self, node: ast.Name) -> Origin | None:
+    def _inner(self, node: ast.Name) -> Origins | None:
         """The origin of a name that a comprehension or a lambda around it binds; None where none does."""
         binder = self._binder(node)
         if isinstance(binder, ast.Lambda):
@@ -223,7 +224,7 @@ class Flow(Deciding):
                 return above
         return None
 
-    def _lambda_given(self, node: ast.Lambda) -> Origin:
+    def _lambda_given(self, node: ast.Lambda) -> Origins:
         """A lambda that is handed to a function of the file is given whatever that has."""
         above = self._source.parents.get(node)
         above = self._source.parents.get(above) if isinstance(above, ast.keyword) and above is not None else above
@@ -231,7 +232,7 @@ class Flow(Deciding):
             return Origin.FOUND | Origin.READ if self._functions(above.func) else Origin.NONE
         return Origin.NONE
 
-    def bound(self, binding: Binding) -> Origin:
+    def bound(self, binding: Binding) -> Origins:
         """The origins of a name by one of its bindings."""
         value = binding.value
         if isinstance(value, ast.ExceptHandler):
@@ -246,13 +247,13 @@ class Flow(Deciding):
         found = self.of(value) | self.control(binding.node)
         return found | self._count(binding) if binding.counts else found
 
-    def _count(self, binding: Binding) -> Origin:
+    def _count(self, binding: Binding) -> Origins:
         """How often something came about; where it is tried, how often it went wrong."""
         kinds = (ast.For, ast.AsyncFor, ast.While, ast.Try, ast.ExceptHandler)
         around = [above for above, _ in self._source.above(binding.node) if isinstance(above, kinds)]
         return Origin.COUNTED if around else Origin.NONE
 
-    def _filled(self, call: ast.Call) -> Origin:
+    def _filled(self, call: ast.Call) -> Origins:
         """The origins that a call may fill into its arguments: a reading, where it has a device."""
         name = self._source.dotted(call.func)
         functions = self._functions(call.func)
@@ -269,10 +270,10 @@ class Flow(Deciding):
                 found |= Origin.NONE if each.whole or each.fills else self.bound(each)
         return found
 
-    def _given(self, call: ast.Call) -> Origin:
+    def _given(self, call: ast.Call) -> Origins:
         return self._any([*call.args, *(item.value for item in call.keywords)])
 
-    def _parameter(self, function: Function, name: str) -> Origin:
+    def _parameter(self, function: Function, name: str) -> Origins:
         """The callers' arguments for a parameter; an uncalled function may get any."""
         found = Origin.NONE
         if name in SELF:
@@ -290,7 +291,7 @@ class Flow(Deciding):
             found |= Origin.FOUND | Origin.READ
         return found | self._any(defaults(function, name))
 
-    def _passed(self, function: Function, call: ast.Call, name: str) -> Origin:
+    def _passed(self, function: Function, call: ast.Call, name: str) -> Origins:
         """The argument of one call for a parameter."""
         given = [*function.args.posonlyargs, *function.args.args]
         if given and given[0].arg in SELF:
@@ -305,7 +306,7 @@ class Flow(Deciding):
             found |= self.of(call.args[places.index(name)])
         return found
 
-    def _attribute(self, node: ast.Attribute) -> Origin:
+    def _attribute(self, node: ast.Attribute) -> Origins:
         name = self._source.dotted(node)
         root = base(node)
         if root is not None and root.id in self._source.names and not self._inner_name(root):
@@ -325,7 +326,7 @@ class Flow(Deciding):
     def _inner_name(self, root: ast.Name) -> bool:
         return self.bindings.scope(root, root.id) is not None
 
-    def _field(self, owner: ast.ClassDef, name: str) -> Origin:
+    def _field(self, owner: ast.ClassDef, name: str) -> Origins:
         """The argument for a field where a class without `__init__` of its own is made."""
         fields = [
             item.target.id
@@ -355,7 +356,7 @@ class Flow(Deciding):
             ]
         return []
 
-    def _call(self, call: ast.Call) -> Origin:
+    def _call(self, call: ast.Call) -> Origins:
         name = self._source.dotted(call.func)
         given = self._given(call)
         if name.startswith("runtime.") and name.endswith(".device"):
@@ -373,7 +374,7 @@ class Flow(Deciding):
     def _is_variable(self, node: ast.Name) -> bool:
         return self.bindings.scope(node, node.id) is not None or bool(self.bindings.of(None, node.id))
 
-    def _instance(self, owner: ast.ClassDef) -> Origin:
+    def _instance(self, owner: ast.ClassDef) -> Origins:
         """The origins of an object's special methods, which are called without being named."""
         found = Origin.NONE
         for item in owner.body:
@@ -403,7 +404,7 @@ class Flow(Deciding):
             for each in made
         )
 
-    def _foreign(self, call: ast.Call, name: str, given: Origin) -> Origin:
+    def _foreign(self, call: ast.Call, name: str, given: Origins) -> Origins:
         root = base(call.func) if isinstance(call.func, ast.Attribute) else None
         module = root is not None and root.id in self._source.names and not self._inner_name(root)
         receiver = Origin.NONE

@@ -6,17 +6,17 @@ from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
-from enum import IntFlag
 from typing import TypeGuard
 
 from octoform.contracts.server_source import Function, Source, walk
 
 
-class Origin(IntFlag):
+class Origin:
     """The origins of a value; none is a constant of the file.
 
     ``SYSTEM``: a program, the network or a library gave it without a device as input. ``COUNTED``: how often
-    something came about.
+    something came about. Plain numbers: a server takes some hundred thousand unions, and those of `enum` look each
+    value up.
     """
 
     NONE = 0
@@ -29,15 +29,9 @@ class Origin(IntFlag):
     DEVICE = 64
     CLOCK = 128
 
-    def __or__(self, other: int) -> "Origin":
-        return _ORIGINS[int.__or__(self, other)]
 
-    def __and__(self, other: int) -> "Origin":
-        return _ORIGINS[int.__and__(self, other)]
-
-
-_ORIGINS = tuple(Origin(value) for value in range(256))
-"""By their numbers: a server takes some hundred thousand unions, and the ones of the library look each value up."""
+Origins = int
+"""A union of them."""
 
 ROUNDS = 12
 ELSEWHERE = re.compile(
@@ -184,17 +178,17 @@ class Deciding(ABC):
     _deciding: dict[ast.AST, tuple[tuple[ast.expr, ...], tuple[ast.expr, ...]]]
 
     @abstractmethod
-    def of(self, node: ast.AST | None) -> Origin:
+    def of(self, node: ast.AST | None) -> Origins:
         """The origins of the value of an expression."""
 
-    def control(self, node: ast.AST) -> Origin:
+    def control(self, node: ast.AST) -> Origins:
         """The read values that decide whether a statement runs, without the caller's choice."""
         found = Origin.NONE
         for test in self._decided_by(node)[0]:
             found |= self.of(test)
         return (found & (Origin.READ | Origin.SYSTEM | Origin.COUNTED)) | self.past(node)
 
-    def past(self, node: ast.AST) -> Origin:
+    def past(self, node: ast.AST) -> Origins:
         """The read values that decided whether a statement is reached: a wait before it, or a way out.
 
         A way out where nothing was read is none: anyone who makes up a result may still look whether there is one.
