@@ -63,7 +63,8 @@ SLOTS = (
 """Where text of a device stands in the invented laptop; the value is what follows the last of these marks."""
 
 
-LAPTOPS = -(-len(STRINGS) // 3)
+TOGETHER = 5
+LAPTOPS = -(-len(STRINGS) // TOGETHER)
 
 
 def laptop_named(*hostile: Hostile) -> dict[str, str]:
@@ -78,7 +79,7 @@ def laptop_named(*hostile: Hostile) -> dict[str, str]:
 
 
 def of_laptop(number: int) -> list[Hostile]:
-    """Three strings for one laptop, each of another kind where there is one; which of them comes first goes round."""
+    """Some strings for one laptop, each of another kind where there is one; which of them comes first goes round."""
     found = list(STRINGS[number::LAPTOPS])
     turn = number % len(found)
     return found[turn:] + found[:turn]
