@@ -198,7 +198,7 @@ def _keeper(*prefix: str) -> socket.socket:
 def keep(orders: socket.socket) -> int:
     """The loaded process: fork for each order, report the exit of each fork; 0 when no client is left."""
     atexit.register(_leave)  # the first, which is carried out last
-    for name in (*_core(), "packaging.requirements"):
+    for name in (*_core(), "packaging.requirements", "git"):
         importlib.import_module(name)
     # To parse these takes as long as a short command; what a project changes in its copies is parsed there.
     for template in _environment().list_templates():
