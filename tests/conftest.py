@@ -10,6 +10,7 @@ from functools import cache
 from importlib.metadata import distributions
 from pathlib import Path
 
+import lasting_fork_server
 import pytest
 from endings import end_endpoints
 from hosts.plant import plant
@@ -18,6 +19,7 @@ from projects import Project
 from session_folders import remove_session_folders
 
 from octoform.base.files import replace
+from octoform.endpoint import bounded_program
 from octoform.endpoint.environment.build import GUESS, build, has_environment, prepare
 from octoform.endpoint.environment.lockfile import resolve
 from octoform.endpoint.environment.model import at, locate
@@ -37,6 +39,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # terminal would inherit that.
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
+    bounded_program.SCRIPT = lasting_fork_server.SCRIPT
     # How long an example takes depends on the machine's other work, not about the code.
     settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.load_profile("tests")

@@ -8,7 +8,7 @@ import subprocess
 from pathlib import Path
 
 PROGRAM = b"endpoint/serve.py"
-FORKED = b"endpoint/scripts/fork_server.py"
+FORKED = b"fork_server.py"
 SLEEP = ["sleep", "86400"]
 _sleeping: list["subprocess.Popen[bytes]"] = []
 

@@ -27,10 +27,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 from pathlib import Path
 
+import lasting_fork_server
 import worker_forks
 
 import octoform
 from octoform.base import processes
+from octoform.endpoint import bounded_program
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.endpoint.environment.model import at
@@ -44,6 +46,7 @@ from octoform.protocol.spec_loader import load as load_specs
 from octoform.state.layout import Layout
 
 LARGEST = 1 << 20
+FORK_SERVER = bounded_program.SCRIPT
 _ONE = threading.Lock()
 _ENDED: list[int] = []
 """In a fork that is done: its exit status."""
@@ -206,6 +209,7 @@ def keep(orders: socket.socket) -> int:
     load_specs(None)
     load_profiles(sorted(shipped().glob("*.md")))
     gc.freeze()  # a collection in a fork would copy all that is loaded
+    bounded_program.SCRIPT = lasting_fork_server.SCRIPT
     selector = selectors.DefaultSelector()
     selector.register(orders, selectors.EVENT_READ)
     while True:
@@ -322,6 +326,7 @@ def become(order: Mapping[str, object], out: int, err: int, *kept: int) -> None:
     assert isinstance(environ, dict) and isinstance(argv, list)
     os.dup2(out, 1)
     os.dup2(err, 2)
+    bounded_program.SCRIPT = FORK_SERVER
     for environment, server in list(ForkServer._kept.items()):
         if server._orders.fileno() not in kept:  # its descriptor is closed here, and its number soon another file's
             server._orders.detach()
