@@ -130,7 +130,8 @@ class ForkServer:
         FileNotFoundError or PermissionError when there is no such interpreter.
         """
         with cls._turn:
-            status = python.parents[1].stat()
+            # The folder above is changed by scripts, which leave their bytecode there.
+            status = python.parent.stat()
             wanted = (purpose, status.st_dev, status.st_ino, status.st_ctime_ns)
             for former in [key for key, server in cls._kept.items() if not server._lives()]:
                 cls._kept.pop(former).end()

@@ -17,7 +17,7 @@ LINE = "write `profiles: [so-arm101]` in octopus.yaml to use it"
 
 
 @pytest.fixture(scope="module")
-def project(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> Iterator[Project]:
+def project(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Iterator[Project]:
     folder = tmp_path_factory.mktemp("arm")
     description = load("reference")
     description["devices"] = {"arm": description["devices"]["arm"]}
@@ -25,13 +25,15 @@ def project(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     rig.start()
     project = Project(folder / "project", folder / "outside", harness="builtin")
     project.environ["OCTOFORM_SYSROOT"] = str(folder / "tree")
-    project.share_environments(packaged("feetech-servo-sdk"))
+    project.share_environments(environments)
     yield project
     project.run("stop")
     rig.stop()
 
 
-def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tmp_path: Path) -> None:
+def test_every_screen_offers_it_until_the_manifest_names_it(
+    project: Project, tmp_path: Path, packaged: Callable[..., Path]
+) -> None:
     project.write()
     applied = project.run("apply", "-auto-approve")
     assert applied.text.count(LINE) == 1, applied.text
@@ -48,6 +50,8 @@ def test_every_screen_offers_it_until_the_manifest_names_it(project: Project, tm
     assert LINE in (tmp_path / "page.html").read_text()
 
     project.manifest["profiles"] = "[so-arm101, camera-rail]"
+    (project.local / "environments").unlink()  # an apply would drop what its server does not need
+    project.share_environments(packaged("feetech-servo-sdk"))
     project.write()
     assert project.run("apply", "-auto-approve", status=0).text.count(UNMATCHED) == 1
     assert "# Profiles that are not chosen" not in (project.attempts("identify")[-1] / "prompt.md").read_text()
