@@ -130,14 +130,18 @@ class ForkServer:
         FileNotFoundError or PermissionError when there is no such interpreter.
         """
         with cls._turn:
-            # The folder above is changed by scripts, which leave their bytecode there.
-            status = python.parent.stat()
-            wanted = (purpose, status.st_dev, status.st_ino, status.st_ctime_ns)
+            wanted = cls._key(python, purpose)
             for former in [key for key, server in cls._kept.items() if not server._lives()]:
                 cls._kept.pop(former).end()
             if wanted not in cls._kept:
                 cls._kept[wanted] = cls(python, purpose)
             return cls._kept[wanted]
+
+    @staticmethod
+    def _key(python: Path, purpose: Purpose = "servers") -> tuple[int | str, ...]:
+        """The folder of the interpreter: the one above is changed by scripts, which leave their bytecode there."""
+        status = python.parent.stat()
+        return purpose, status.st_dev, status.st_ino, status.st_ctime_ns
 
     @classmethod
     def end_all(cls) -> None:

@@ -35,7 +35,7 @@ from octoform.base import processes
 from octoform.endpoint import bounded_program
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.sdk_client import recorded_environment
-from octoform.endpoint.environment.model import at
+from octoform.endpoint.environment.model import MARKER, at
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import MARK
 from octoform.endpoint.published_files import SERVE_SCRIPT, read_manifest
@@ -48,6 +48,7 @@ from octoform.state.layout import Layout
 LARGEST = 1 << 20
 FORK_SERVER = bounded_program.SCRIPT
 _ONE = threading.Lock()
+_COPIED: dict[tuple[int, int], tuple[ForkServer, Path]] = {}
 _ENDED: list[int] = []
 """In a fork that is done: its exit status."""
 
@@ -256,10 +257,22 @@ def _fork_servers(folder: Path, *, own: bool) -> list[int]:
         for path in shared.iterdir() if own or shared.is_symlink() else ():
             environment = at(path)
             if environment is not None and environment.python.exists():
-                server = ForkServer.at(environment.python)
+                server = _fork_server(environment.python)
                 if server.loaded(60):
                     found.append(server._orders.fileno())
     return found
+
+
+def _fork_server(python: Path) -> ForkServer:
+    """The fork server of an environment: for a copy with the same files (`cp -al`), that of the first one."""
+    marker = (python.parents[1] / MARKER).stat()
+    files = marker.st_dev, marker.st_ino
+    first, its = _COPIED.get(files, (None, python))
+    if first is not None and first._lives() and its.exists():
+        ForkServer._kept.setdefault(ForkServer._key(python), first)
+    server = ForkServer.at(python)
+    _COPIED[files] = server, its if server is first else python
+    return server
 
 
 class Loaded(start_stop._Detached):
