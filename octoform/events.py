@@ -52,7 +52,7 @@ class AgentActed(Event):
 
 @dataclass(frozen=True, slots=True)
 class AgentSpent(Event):
-    """What the attempt has used so far: replies and tokens as counts, US dollars; None is unknown."""
+    """The usage of the attempt so far: replies and tokens as counts, US dollars; None is unknown."""
 
     turns: int
     input_tokens: int | None
@@ -131,7 +131,7 @@ class NodeFailed(Event):
 
 @dataclass(frozen=True, slots=True)
 class NodeDestroyed(Event):
-    """What the node had made is gone."""
+    """A node's outputs were removed."""
 
 
 @dataclass(frozen=True, slots=True)

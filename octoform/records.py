@@ -71,7 +71,7 @@ def _source(fields: tuple[dataclasses.Field[Any], ...]) -> str:
 
 
 def _names(fields: tuple[dataclasses.Field[Any], ...]) -> dict[str, Any]:
-    """What the text of `_source` refers to."""
+    """The names that the source text of `_source` refers to."""
     found: dict[str, Any] = {"_set": object.__setattr__, "_UNGIVEN": _UNGIVEN}
     for field in fields:
         if field.default_factory is not dataclasses.MISSING:

@@ -37,7 +37,7 @@ LEAST_SECONDS = 0.1
 
 @dataclass(slots=True)
 class Budget:
-    """What was spent in this run: US dollars by stage, attempts and seconds by stage and role.
+    """The spending of this run: US dollars by stage, attempts and seconds by stage and role.
 
     A stage that a later one sends back goes on with what its budget has left: it is one stage of one run. ``until`` is
     when the stage at work has to be over, tests included, on the run's clock; None where nothing has.
@@ -56,7 +56,7 @@ class Budget:
         self.spent[stage] = self.spent.get(stage, 0.0) + (usage.cost_usd or 0.0)
 
     def left(self, stage: str, stage_usd: float | None, run_usd: float | None) -> float | None:
-        """What the next attempt of a stage may cost; None without a limit."""
+        """The budget of the next attempt of a stage; None without a limit."""
         limits = []
         if stage_usd is not None:
             limits.append(stage_usd - self.spent.get(stage, 0.0))

@@ -45,7 +45,7 @@ def take_away(context: Context, node: str) -> list[Diagnostic]:
 
 
 def left_behind(layout: Layout) -> list[Diagnostic]:
-    """What an endpoint that was taken away leaves, and a person should know of: its emergency stop, its service."""
+    """Remains of a removed endpoint that a person should know of: its emergency stop, its service."""
     found = []
     if is_engaged(layout):
         found.append(

@@ -1,4 +1,4 @@
-"""What the daemon knows, as an agent may read it: checked, bounded in bytes, and without anything that acts as text.
+"""The daemon's knowledge as an agent may read it: checked, bounded in bytes, and without anything that acts as text.
 
 A brief comes from another process and holds words of devices and tools. What is not of the right form is omitted and
 counted; of what is too much, the newest of each signal stays first.

@@ -269,6 +269,6 @@ def _state(context: Context, node: Node, finished: Finished) -> NodeState:
 
 
 def _platform(context: Context) -> dict[str, str]:
-    """What the accepted PROBE reports of the system; empty where there is none yet."""
+    """The system's facts in the accepted PROBE; empty where there is none yet."""
     found: dict[str, str] = accepted(context, "probe")["platform"] if context.layout.output("probe").is_file() else {}
     return found

@@ -57,7 +57,7 @@ _GIT = (".gitattributes", ".gitignore", ".gitmodules", ".mailmap", ".lfsconfig",
 _PACKAGES = ("uv.toml", "pyproject.toml", ".python-version", ".npmrc")
 _OF_A_TREE = ("config.worktree", "commondir", "gitdir")
 _NOTED_OF_A_TREE = ("rebase-merge/git-rebase-todo", "rebase-apply/patch", "sequencer/todo")
-"""What `git rebase --continue` would run: a person may be in the middle of one, so it is reported and left."""
+"""The commands that `git rebase --continue` would run: a person may be in one, so a change is reported and left."""
 _ALTERNATES = ("objects/info/alternates", "objects/info/http-alternates")
 _OF_A_REPOSITORY = (*_OF_A_TREE, *_ALTERNATES, "config", "shallow")
 _FOLDERS_OF_A_REPOSITORY = ("hooks", "info", "refs/replace", "branches", "remotes")
@@ -111,7 +111,7 @@ _NOTED_OF_THE_MACHINE = (
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
 _PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
-"""What octoform calls by name."""
+"""The programs that octoform calls by name."""
 _MINORS = range(8, 20)
 """Of the Pythons that a person may have."""
 _AGENTS = (
@@ -130,7 +130,7 @@ _AGENTS = (
     *(f".{name}/settings.json" for name in ("gemini", "qwen", "pi")),
     *(".codex/config.toml", ".opencode/opencode.json", ".opencode/opencode.jsonc"),
 )
-"""What coding agents look for where they are started and above: their instructions, their settings, their programs."""
+"""The files that coding agents look for from their folder upwards: instructions, settings, programs."""
 _ABOVE = (FILE_NAME, *(name for name in _AGENTS if "/" not in name))
 _FOLDERS_OF_AGENTS = (
     *(f".claude/{name}" for name in ("agents", "commands", "hooks", "rules", "skills")),

@@ -1,4 +1,4 @@
-"""What time it is, how long the machine has run, and how a moment is written and read.
+"""The time, the machine's uptime, and the text form of a moment.
 
 A moment of the wall clock is written in one form (RFC 3339 in UTC, ``2026-05-04T12:00:00Z``) and read in every form of
 ISO 8601. A length of time is measured by `boottime`, which goes on while the machine sleeps and never jumps; it means

@@ -391,7 +391,7 @@ class OtherFormatError(ValueError):
     """A record that another version of octoform wrote; ``is_newer`` where a later one did."""
 
     def __init__(self, found: object, known: int) -> None:
-        """What was ``found`` in place of the format that is ``known``."""
+        """``found`` is the record's format, ``known`` that of its reader."""
         super().__init__(f"it has format {str(found)[:20]}, and this octoform reads {known}")
         self.is_newer = isinstance(found, int) and found > known
 

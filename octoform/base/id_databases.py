@@ -45,7 +45,7 @@ class IdDatabases:
         return _decode(vendor_name), _decode(product_name)
 
     def source(self, bus: str) -> str:
-        """What the database of a bus is called: by its file, or by whose it is."""
+        """The name of a bus's database: by its file, or by its owner."""
         return f"{bus}.ids" if self._read(bus) else "udev hwdb"
 
     def _of_udev(self, bus: str, vendor: str, product: str) -> tuple[str, str]:

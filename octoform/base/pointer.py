@@ -14,7 +14,7 @@ def pointer(*parts: str | int) -> str:
 
 
 def resolve(document: object, place: str) -> object:
-    """What a pointer points to, or the local reference of a schema (``#/$defs/x``); None where there is nothing."""
+    """The value that a pointer points to, or the local reference of a schema (``#/$defs/x``); None without one."""
     for part in place.removeprefix("#").split("/")[1:]:
         key = part.replace("~1", "/").replace("~0", "~")
         if isinstance(document, Mapping):

@@ -117,7 +117,7 @@ class ProcessStat(NamedTuple):
 
 
 def process_stat(pid: int, proc: Path = PROC) -> ProcessStat | None:
-    """What there is of a process now; None when there is none, or where there is no /proc."""
+    """The present facts of a process; None when there is none, or where there is no /proc."""
     try:
         text = _whole(proc, pid, "stat").decode(errors="replace")
         # The command name is in parentheses and may hold anything, parentheses and blanks too.

@@ -1,4 +1,4 @@
-"""What can be measured at all: bounds by unit, and how units are written in names and descriptions.
+"""Measurable quantities: bounds by unit, and how units are written in names and descriptions.
 
 The bounds are those of physics and of what anybody attaches to a computer, so wide that only a wrong scale, a wrong
 unit or a sensor that is not connected is beyond them. The runtime of a server and the check of an endpoint share them.
@@ -52,7 +52,7 @@ _LONG = tuple(word for word in _SPELLINGS if len(word) > 3)
 COUNTS = frozenset({"count", "counts", "index", "number", "raw", "step", "steps", "ticks", "total"})
 """Last words of members that count something, whatever unit their description mentions."""
 _OF_ANOTHER_NUMBER = re.compile(r"(?:\d|\bper)\s*(?:deg(?:rees?)?\s*)?$")
-"""What is before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
+"""Phrases before a unit that is not the member's: "steps at 100 percent", "counts per volt"."""
 
 
 def unit_of_text(text: Any) -> str | None:

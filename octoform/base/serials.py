@@ -123,7 +123,7 @@ def _names_kind(serial: str, number: str, texts: Iterable[str]) -> bool:
 
 
 def _number(serial: str) -> str:
-    """What is left without signs, placeholders and a date in front; a hexadecimal number without its mark."""
+    """The number without signs, placeholders and a leading date; a hexadecimal number without its mark."""
     text = re.sub(r"\b0x(?=[0-9a-f])", "", _plain(serial).replace("s/n", "sn")).strip()
     if _OTHER_FORMS.fullmatch(text):
         return ""

@@ -13,7 +13,7 @@ from octoform.base.files import head
 
 TEXT = "no more processes or threads can be started"
 _WORDS = (os.strerror(errno.EAGAIN), "can't start new thread", TEXT)
-"""What programs print of it."""
+"""The messages of programs about a shortage."""
 
 
 def start(thread: threading.Thread) -> None:

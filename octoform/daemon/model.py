@@ -77,7 +77,7 @@ class Kind(StrEnum):
     PICTURE_ODD = "picture_odd"
     TUNNEL_DOWN = "tunnel_down"
     STATE_DAMAGED = "state_damaged"
-    """What the daemon may not repair by itself: a state, a manifest or a setting that a person has to look at."""
+    """A problem that the daemon may not repair by itself: a state, a manifest or a setting for a person."""
     UNCOVERED = "uncovered"
     """Something that should report does not."""
 
@@ -315,7 +315,7 @@ class Repairer(Protocol):
 Sample = Callable[[], Iterable[Reading]]
 """Fresh readings of one channel; what cannot be read is a reading of ``None``, never omitted."""
 Promised = Callable[[], frozenset[Signal]]
-"""What ought to report: each reading tool, and the camera where it may be looked through; without a path."""
+"""The expected signals: each reading tool, and the camera where it may be looked through; without a path."""
 Notify = Callable[[Alert], None]
 
 

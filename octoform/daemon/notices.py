@@ -35,7 +35,7 @@ from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 
 SECONDS = 10.0
-"""What one message may take."""
+"""Seconds that one message may take."""
 WAITS = (5.0, 30.0)
 """Seconds before it is tried again."""
 MAX_WAITING = 50

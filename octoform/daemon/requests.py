@@ -34,7 +34,7 @@ class GivenUp:
     frozen: tuple[Backoff, ...] = ()
     targets: tuple[str, ...] = ()
     advice: Mapping[str, str] = field(default_factory=dict)
-    """What to do about each, by its target."""
+    """The remedy of each, by its target."""
     said: tuple[Diagnostic, ...] = ()
 
 

@@ -1,4 +1,4 @@
-"""What of manifest and profiles makes the endpoint, as key parts in the words of the manifest.
+"""The parts of manifest and profiles that make the endpoint, for the input hash, in the manifest's words.
 
 A setting has its part only where it differs from its default, so the key of an endpoint without such settings is what
 it was before they were there. Rules and limits are named by their place, as the endpoint names them when it refuses.
@@ -30,7 +30,7 @@ def parts(manifest: Manifest, profiles: "tuple[Profile, ...]") -> dict[str, str]
 
 
 def in_force(part: str, scope: str | None) -> str | None:
-    """What holds where a part is not there: its default; None for what the scope, where it is known, does not have."""
+    """The default of a missing part; None for what the scope, where it is known, does not have."""
     scopes = next((used for prefix, used in _USED_IN.items() if part.startswith(prefix)), None)
     return None if scopes is not None and scope is not None and scope not in scopes else DEFAULTS.get(part)
 
@@ -72,7 +72,7 @@ def _limit(limit: Limit) -> str:
 
 
 def _of_profiles(profiles: "tuple[Profile, ...]") -> Iterator[tuple[str, str]]:
-    """What the endpoint enforces of each profile, and the rule that states for which devices."""
+    """The part of each profile that the endpoint enforces, and the rule that states for which devices."""
     for profile in profiles:
         if profile.limits or profile.stop:
             stop = [[action.kind, action.baud, action.write.hex()] for action in profile.stop]

@@ -59,7 +59,7 @@ from octoform.records import dataclass
 
 PROBE = STAGES[0]
 HOUSEKEEPER = "litellm"
-"""What makes the completions that condense logs; a bare name of a model belongs to whom it does there."""
+"""The service for the completions that summarise logs; a bare model name belongs to its provider."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -299,7 +299,7 @@ class _Builder:
         )
 
     def steps(self) -> StageSettings:
-        """What is in force for every privileged step: the general settings."""
+        """The settings for every privileged step: the general settings."""
         agent = of_steps(self._source)
         return StageSettings(self._harness(agent), _model(agent), _budget(self._source.budget, document.StageBudget()))
 

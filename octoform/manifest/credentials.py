@@ -15,7 +15,7 @@ from octoform.redaction.forms import KEY_BEGIN, KEY_END
 
 
 def complaint(name: str, environ: Mapping[str, str]) -> str | None:
-    """What is wrong with the variable of a key, never with its value in it; None when a request can carry it."""
+    """The problem of the variable of a key, never with its value in it; None when a request can carry it."""
     if name not in environ:
         return f"the variable {name} is not set"
     value = environ[name]

@@ -1,4 +1,4 @@
-"""What a manifest means, as frozen values: the only form of it that the rest of octoform knows.
+"""The meaning of a manifest as frozen values: the only form of it that the rest of octoform knows.
 
 Light on purpose: a plan with nothing to do must not import the YAML reader or pydantic to talk about a manifest.
 References to variables (``${NAME}``) stay unresolved in here, so nothing that is made of a `Manifest` (a key, the
@@ -38,7 +38,7 @@ class Rule:
 
 @dataclass(frozen=True, slots=True)
 class Limit:
-    """What a call of the tools behind the glob ``tool`` must keep to; None where it states nothing.
+    """The limits of calls of the tools that the glob ``tool`` matches; None where it has none.
 
     The numbers are bounds of the value of ``parameter``: ``step`` of its change from call to call, ``cumulative`` of
     its sum. ``rate`` is a count of calls and the seconds that they are counted in, ``cooldown`` the seconds between
@@ -150,7 +150,7 @@ class HarnessSpec:
 
 @dataclass(frozen=True, slots=True)
 class Budget:
-    """What a stage may use: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint.
+    """The budget of a stage: attempts as a count, times in seconds, ``tools`` as the most tools of the endpoint.
 
     ``idle_seconds`` without a sign of progress end an attempt (None: as the harness has it by default). ``turns`` are
     replies of the model in one attempt, ``usd`` the US dollars of all attempts of this stage (None: no
@@ -199,7 +199,7 @@ class Housekeeping:
 
 @dataclass(frozen=True, slots=True)
 class StageSettings:
-    """What is in force for one stage, after the stage's own settings have been laid over the general ones."""
+    """The settings in force for one stage, after the stage's own settings have been laid over the general ones."""
 
     harness: HarnessSpec
     model: str | None
@@ -363,7 +363,7 @@ class Manifest:
         return tuple(item for item in self.profiles if isinstance(item, Path))
 
     def settings_of(self, stage: str) -> StageSettings:
-        """What is in force for a stage, for ``watch`` and ``heal``, or for a privileged step by the name of its node.
+        """The settings in force for a stage, for ``watch`` and ``heal``, or for a privileged step by its node's name.
 
         KeyError for another name.
         """

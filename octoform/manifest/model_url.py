@@ -17,7 +17,7 @@ _LOCAL_NAMES = ("localhost", "localhost.localdomain")
 
 
 def url_complaint(url: str) -> tuple[str, str] | None:
-    """What keeps a URL without references from being a base URL, and what to do; None when it is one."""
+    """The reason why a URL without references is no base URL, and what to do; None when it is one."""
     try:
         parts = urlsplit(url)
         port, host = parts.port, parts.hostname

@@ -1,4 +1,4 @@
-"""What the schema has against a document, as diagnostics with places and hints. (Heavy: pydantic.)"""
+"""The schema's errors in a document, as diagnostics with places and hints. (Heavy: pydantic.)"""
 
 import re
 from collections.abc import Callable, Mapping
@@ -98,7 +98,7 @@ SWITCHES = {"yes": "true", "on": "true", "true": "true", "no": "false", "off": "
 
 
 def range_of(loc: Loc) -> str | None:
-    """What a setting allows; by its last two names where the last one alone means several things."""
+    """The allowed values of a setting; by its last two names where the last one alone means several things."""
     names = [part for part in loc if isinstance(part, str)]
     return RANGES.get(".".join(names[-2:]) if len(names) > 1 else "", RANGES.get(str(loc[-1]) if loc else ""))
 
@@ -112,7 +112,7 @@ def dotted(loc: Loc) -> str:
 
 
 def kind(node: yaml_tree.Node | None) -> str:
-    """What a value is, in words."""
+    """The kind of a value, in words."""
     if isinstance(node, Table):
         return "a mapping"
     if isinstance(node, Items):

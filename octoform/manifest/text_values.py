@@ -144,7 +144,7 @@ def _may_refer(loc: Loc) -> bool:
 
 
 def _names_only(loc: Loc) -> str | None:
-    """What to write where a value is the name of a variable; None for all other places."""
+    """The text to write where a value is the name of a variable; None for all other places."""
     if loc in yaml_tree.KEYS:
         return "write the name only, without ${}"
     is_of_a_list = len(loc) > 2 and loc[-3:-1] == ("harness", "env") and isinstance(loc[-1], int)

@@ -61,7 +61,7 @@ _FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 
 
 def plain_value(text: str) -> str | int | float | bool | None:
-    """What the YAML 1.2 core schema makes of an unquoted scalar; infinities and NaN stay text."""
+    """The value of an unquoted scalar by the YAML 1.2 core schema; infinities and NaN stay text."""
     if text in _NULL:
         return None
     if text in _BOOL:

@@ -1,1 +1,1 @@
-"""What the cameras of a host show: one picture through the endpoint, judged for what it holds."""
+"""Pictures of a host's cameras: one picture through the endpoint, judged for what it holds."""

@@ -40,7 +40,7 @@ class Camera:
 
     @property
     def view(self) -> dict[str, Any]:
-        """What `looking.take` wants: ``{"tool", "arguments"}``."""
+        """The call of a camera's tool: ``{"tool", "arguments"}``."""
         return {"tool": self.tool, "arguments": dict(self.arguments)}
 
 
@@ -108,7 +108,7 @@ def _arguments(tool: Mapping[str, Any], device: str) -> dict[str, Any] | None:
 
 
 def _is_built_in(device: Mapping[str, Any]) -> bool:
-    """What hangs on no bus that leaves the machine is a part of it, and so is what the firmware calls fixed."""
+    """A camera on an internal bus, or one that the firmware calls fixed, is a part of the machine."""
     if device.get("interface") not in _OUTSIDE:
         return True
     lines = str(device.get("raw_descriptor") or "").splitlines()

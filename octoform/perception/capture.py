@@ -102,7 +102,7 @@ def difference(a: Picture, b: Picture) -> float:
 
 
 def _residual(a: bytes, b: bytes) -> float:
-    """What remains of ``b`` when ``a``, made brighter or darker as fits best, is taken from it."""
+    """The difference between ``b`` and ``a`` after the best adjustment of brightness."""
     gain, offset = _fit(a, b)
     # What moved must not pull the fit: it is made once more with the pixels that fit it best.
     gaps = [abs(new - gain * old - offset) for old, new in zip(a, b, strict=True)]
@@ -142,7 +142,7 @@ class Decoded:
 
 
 def decode(layout: Layout, pictures: Sequence[bytes]) -> list[Decoded | None] | Diagnostic:
-    """What each picture looks like, None for one that is broken or that no library there can read.
+    """The measures of each picture, None for one that is broken or that no library there can read.
 
     PERCEPTION-NOT-DECODED when the program cannot be run or gives no answer. Its libraries are loaded once for all
     pictures of this process: whoever tries hardware, or watches a camera, looks into a dozen of them.

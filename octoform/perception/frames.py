@@ -1,4 +1,4 @@
-"""What is known of the pictures: the last two, why there is none, and a summary that never grows.
+"""The record of the pictures: the last two, why there is none, and a summary that never grows.
 
 A judge of a host gets this instead of a film: two pictures at most and a few lines. A look without a picture makes
 the last one old at once: what a camera showed before states nothing about what it would show now. (Heavy: pydantic.)
@@ -226,7 +226,7 @@ def _seconds(since: str, at: str) -> float:
 
 
 def _changes(known: Record, before: Frame | None, frame: Frame) -> list[str]:
-    """What is worth a line: an absence that ended, a problem that came or went, another camera, another scene."""
+    """The changes for the summary: an absence that ended, a problem that came or went, another camera or scene."""
     found = []
     if known.absent is not None:
         found.append(f"{known.absent.since} to {frame.at}: no picture because {known.absent.reason}")

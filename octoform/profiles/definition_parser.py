@@ -74,7 +74,7 @@ def _of_one(uses: list[tuple[Tool, Value]], given: tuple[Limit, ...]) -> Iterato
 
 
 def _limit(tool: Tool, value: Value, given: tuple[Limit, ...]) -> dict[str, Any]:
-    """What is left to bound, in the unit in which the author speaks of it, so that no two limits disagree."""
+    """The bounds that are not limited yet, in the author's unit, so that no two limits disagree."""
     own = [
         item for item in given if item.get("parameter") == value.name and fnmatchcase(tool.tool, item.get("tool", "*"))
     ]

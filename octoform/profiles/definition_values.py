@@ -26,7 +26,7 @@ class Value:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """What a command becomes, whatever the kind of its grammar: its name, its effect and what a caller may say.
+    """The tool of a command of any kind of definition: its name, its effect and its parameters.
 
     ``do`` is the action of the device where no line of a protocol definition has it. ``stop`` ends a movement.
     """

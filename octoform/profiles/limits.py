@@ -24,7 +24,7 @@ Problem = tuple[str, str | None]
 
 
 def problem(item: Mapping[str, Any]) -> Problem | None:
-    """What is wrong with a limit, and what to do about it; None when it is sound. Unknown fields are another matter."""
+    """The problem of a limit, and what to do about it; None when it is sound. Unknown fields are another matter."""
     for name in ("parameter", "tool", "unit", "zero"):
         if name in item and not (isinstance(item[name], str) and item[name].strip()):
             return f"{name!r} of a limit is not a string", None

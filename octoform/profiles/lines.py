@@ -310,7 +310,7 @@ def _value(found: Found, name: str, given: object, place: Place) -> Value:
 
 
 def _words(found: Found, value: Mapping[str, Any], kind: object, place: Place) -> tuple[str, ...]:
-    """What a line reports for false and for true."""
+    """The words of a line for false and for true."""
     if "words" not in value:
         return FALSE_AND_TRUE if kind == "boolean" else ()
     given = value["words"] if isinstance(value["words"], list) else []

@@ -100,7 +100,7 @@ _TOLD = {"vid_pid": "the number", "text": "text with", "class": "the class", "dr
 
 
 def describe(rule: Judged) -> str:
-    """What the rule asks of a device, as a phrase."""
+    """The condition of the rule, as a phrase."""
     if rule.kind in TESTS:
         return f"{_TOLD.get(rule.kind, 'the interface')} {' or '.join(rule.wanted)}"
     if rule.kind == "not":

@@ -36,7 +36,7 @@ class Stop:
 
 @dataclass(frozen=True, slots=True)
 class Rig:
-    """What is true of the owner's own copy and of no other: facts in sentences, and limits beside the product's.
+    """The facts of the owner's own unit alone: facts in sentences, and limits beside the product's.
 
     ``disabled`` are units of its protocol definition that are never moved, each with the reason, ``units`` bus ids that
     differ.

@@ -187,7 +187,7 @@ def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...]
 
 
 def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:
-    """What two profiles may not both have: a name, and a tool of their protocol definitions."""
+    """Diagnostics for what two profiles may not both have: a name, and a tool of their protocol definitions."""
     found = []
     for other in others:
         shared = sorted(_tools(profile) & _tools(other))
@@ -353,7 +353,7 @@ def _limits(
 
 
 def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnostic]]:
-    """What holds for the owner's own copy alone, apart from what holds for the product."""
+    """The settings for the owner's own unit, apart from those for the product."""
     given, problems = document.fields.get("rig", {}), Found()
     listed = given if isinstance(given, Mapping) else {}
     found = _unknown(document, listed, BENCH_FIELDS, ("rig",))

@@ -213,7 +213,7 @@ def _speed(found: Found, item: Mapping[str, Any], place: Place) -> Speed | None:
 def _before(
     found: Found, item: Mapping[str, Any], place: Place, fields: Fields, speed: Speed | None
 ) -> tuple[tuple[str, int | str], ...]:
-    """What is written before the goal, in this order."""
+    """The writes before the goal, in this order."""
     where, given = (*place, "before"), item.get("before", [])
     if not isinstance(given, list) or len(given) > MAX_WRITES:
         hint = "write before: [{torque: 1}, {speed: speed}], in the order in which they are written"

@@ -28,7 +28,7 @@ class Library:
 
 @dataclass(frozen=True, slots=True)
 class Register:
-    """What is at an address; ``sign_bit`` marks a negative value, ``scale`` turns counts into ``unit``."""
+    """The register at an address; ``sign_bit`` marks a negative value, ``scale`` turns counts into ``unit``."""
 
     address: int
     bytes: int
@@ -144,7 +144,7 @@ class RegisterDefinition:
 
 
 def parameters(registers: Registers, command: Action) -> tuple[Value, ...]:
-    """What a caller may say to a command, each within the bounds of the protocol definition."""
+    """The parameters of a command, each within the bounds of the protocol definition."""
     unit = registers.unit
     ids = (str(number) for number in registers.ids.values())
     one = Value(unit, "string", f"which {unit}, by its name or its id", choices=(*registers.units, *ids))

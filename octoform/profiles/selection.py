@@ -90,7 +90,7 @@ def briefing(profile: Profile, ids: Collection[str]) -> str:
 
 
 def packaging(profile: Profile, ids: Collection[str]) -> str:
-    """What of a profile concerns the packages of a server: its library, its files, and the paragraphs about packages.
+    """The part of a profile about the packages of a server: its library, its files, and the paragraphs about packages.
 
     Empty where there is nothing of that kind.
     """
@@ -118,7 +118,7 @@ def _laid_out(value: Any, depth: int = 1) -> str:
 
 
 def of_rig(profile: Profile) -> Iterator[str]:
-    """What is true of the owner's own copy alone beside its limits, each as a sentence."""
+    """The facts of the owner's own unit beside its limits, each as a sentence."""
     rig = profile.rig
     yield from rig.facts
     for unit, reason in rig.disabled.items():

@@ -89,7 +89,7 @@ PROOFS = (READING, VIEW, FRAME)
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What counts as done.
+    """The criterion of a passed hardware test.
 
     ``kind`` is ``reading`` (a value of the device before and after a movement), ``view`` (a picture before and after)
     or ``frame`` (the content of pictures alone, nothing moves). ``minimum`` is the least difference, in ``unit``;

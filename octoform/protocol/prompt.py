@@ -73,7 +73,7 @@ class PromptTooLarge(ValueError):
 
 @dataclass(frozen=True, slots=True)
 class Prompt:
-    """What a prompt is made of.
+    """The parts of a prompt.
 
     ``own_spec`` is the attempt's copy of the spec, which a retry may correct if ``editable``; ``profiles`` are whole
     texts, ``answers`` a person's answers about devices, by id, ``offered`` the profiles that match a device and
@@ -178,7 +178,7 @@ def _render(prompt: Prompt, log: str) -> str:
 
 
 def _kind(stage: str) -> str:
-    """What the work is called where the agent is notified of it: a stage, a privileged step, or a background task."""
+    """The name of the work in the prompt: a stage, a privileged step, or a background task."""
     if stage.startswith(STEP):
         return "step"
     return "background task" if stage in DUTIES else "stage"
@@ -194,7 +194,7 @@ def _answers(given: Mapping[str, str]) -> str:
 
 
 def findings(items: Sequence[Diagnostic]) -> str:
-    """What a contract found, a line each and bounded; the errors alone where there are some."""
+    """The diagnostics of a contract, a line each and bounded; the errors alone where there are some."""
     # What did not refuse the attempt is no reason for anything, and would read like one.
     items = [item for item in items if item.severity is Severity.ERROR] or items
     lines = []

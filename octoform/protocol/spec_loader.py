@@ -237,7 +237,7 @@ def _words(document: Document) -> list[Diagnostic]:
 
 
 def _proof(document: Document) -> list[Diagnostic]:
-    """What is wrong with the proof; a step that nothing proves is none."""
+    """The problems of the proof; a step without a proof is invalid."""
     proof = document.fields.get("proof")
     if not isinstance(proof, dict):
         hint = "write proof: {kind: reading, minimum: 50, unit: raw, settle: 2s}"

@@ -1,4 +1,4 @@
-"""What shows by its form that it is a secret.
+"""Secrets that are known by their form.
 
 A form is a chain of bounded parts, so that two expressions can be made of it: the one that finds it, and the one that
 finds where it may begin when the text ends inside of it. What a stream holds back follows from the second.
@@ -19,7 +19,7 @@ _TOKEN = "A-Za-z0-9_-"
 _BEARER = "A-Za-z0-9._~+/=:-"
 _BASE64 = "A-Za-z0-9+/"
 _VALUE = r"!#-&(-+\--:<-Z\]-~"
-"""What a value in a header is made of: visible, no quotes, no backslash, none of the brackets of a redaction."""
+"""The characters of a value in a header: visible, no quotes, no backslash, none of the brackets of a redaction."""
 _FIRST = r"!#&(-+\--:=-Z\]-z|}~"
 """The same without the signs with which a placeholder begins."""
 

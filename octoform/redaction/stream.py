@@ -161,7 +161,7 @@ class Redactor:
         return self._take(data, last=False) if data else b""
 
     def flush(self) -> bytes:
-        """What was held back, at the end of the stream."""
+        """The bytes that were held back, at the end of the stream."""
         return self._take(b"", last=True)
 
     def end(self, data: bytes) -> bytes:

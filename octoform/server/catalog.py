@@ -39,7 +39,7 @@ from octoform.server.tool_policy import Policy
 EFFECT = "octoform/effect"
 ABSENT = "octoform/absent"
 WORST = {"readOnlyHint": False, "destructiveHint": True, "idempotentHint": False, "openWorldHint": True}
-"""What the protocol assumes of a tool that declares nothing."""
+"""The protocol's defaults for a tool that declares nothing."""
 
 
 class Listing(Middleware):

@@ -27,7 +27,7 @@ from octoform.server.latch import Estop, Latch
 from octoform.server.tool_policy import Policy, StopAction
 
 SECONDS = 2.0
-"""What one stop action may take."""
+"""Seconds that one stop action may take."""
 ENDING = 2.0
 """Seconds that interrupted code has to end in before the answer states that it has not."""
 _ENGAGE_WAIT, _CLEAR_WAIT = 0.2, 2.0

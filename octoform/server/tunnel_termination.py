@@ -30,7 +30,7 @@ MARK = "OCTOFORM_TUNNEL"
 INSTANCE_HEADER = "Octoform-Instance"
 """The header by which the door can be distinguished from whatever else answers at an address."""
 GRACE_SECONDS = 3.0
-"""What the program has for its own end before it is killed."""
+"""Seconds that the program has for its own end before it is killed."""
 PROOF_SECONDS = 12.0
 """How long the address may go on answering (a provider's edge takes a moment) before the proof fails."""
 _ASK_SECONDS = 3.0

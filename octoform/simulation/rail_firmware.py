@@ -112,7 +112,7 @@ class LineDevice:
             self._alone = max(self._clock(), move.ends)
 
     def feed(self, data: bytes) -> bytes:
-        """What the firmware sends now; with ``b""`` later what it sends then. Unplugged when it went away."""
+        """The firmware's output now; with ``b""`` later what it sends then. Unplugged when it went away."""
         with self._lock:
             self._text += data
             out = b""
@@ -135,7 +135,7 @@ class LineDevice:
         return f"{move.answer}\n".encode() if move.answer else b""
 
     def _obeyed(self, line: str) -> bytes:
-        """What it sends at once; the answer of a movement follows when it is over."""
+        """The immediate answer; the answer of a movement follows when it is over."""
         if not line:
             return b""
         self.lines.append(line)

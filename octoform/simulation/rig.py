@@ -34,7 +34,7 @@ _GLANCE, _SOON, _NEVER = 10, 5, 50
 
 
 class Device(Protocol):
-    """What is at the far end: bytes in, bytes out."""
+    """The far end of a line: bytes in, bytes out."""
 
     @property
     def baud(self) -> int | None:
@@ -45,7 +45,7 @@ class Device(Protocol):
         """When ``feed(b"")`` has something to say; None when it has not."""
 
     def feed(self, data: bytes) -> bytes:
-        """What it answers to these bytes and to those before; OSError when it goes away."""
+        """The answer to these bytes and to those before; OSError when it goes away."""
 
     def garbled(self, data: bytes) -> None:
         """Bytes at a speed that it does not understand."""

@@ -1,4 +1,4 @@
-"""What the camera sees: the bench, the arm on it, and a clock; the camera rides on the rail, so all shifts with it.
+"""The scene of the camera: the bench, the arm on it, and a clock; the camera rides on the rail, so all shifts with it.
 
 The bench is a pattern that repeats nowhere: each place of the rail has a picture of its own. Standard library alone,
 and a frame in a few milliseconds: rows are slices of one big picture, and a stroke is a row of discs.
@@ -46,7 +46,7 @@ class Scene:
         self._arm, self._rail, self._now = arm, rail, now
 
     def state(self) -> tuple[object, ...]:
-        """What a frame shows but for the clock: equal when nothing has moved."""
+        """The content of a frame without the clock: equal when nothing has moved."""
         arm = () if self._arm is None else tuple(round(place) for place in self._arm.positions().values())
         return (arm, None if self._rail is None else tuple(self._rail.position.values()))
 

@@ -141,7 +141,7 @@ class Registers:
         self.put(name, number / self.fields.get(name, {}).get("scale", 1))
 
     def write(self, address: int, data: bytes, *, locked: bool) -> set[str]:
-        """What a host writes: the names of the fields that it touched. What can only be read stays as it is."""
+        """Write a host's bytes; returns the names of the written fields. Read-only fields stay as they are."""
         touched = set()
         end = min(address + len(data), self._read_only_from)
         for place in range(address, end):
@@ -357,7 +357,7 @@ class Servo:
         return (OVERHEAT if hot else 0) | (VOLTAGE if low else 0)
 
     def write(self, address: int, data: bytes) -> int:
-        """What a host writes; the error bits of the answer."""
+        """Write a host's bytes; returns the error bits of the answer."""
         before = self._memory.value("torque")
         held = self._memory.value("goal")
         locked = self._memory.value("lock") == 1
@@ -368,7 +368,7 @@ class Servo:
         return self.errors | (ANGLE if outside else 0)
 
     def read(self, address: int, count: int) -> bytes:
-        """What a host reads; beyond the end of the memory there are zeros."""
+        """Read bytes for a host; beyond the end of the memory there are zeros."""
         return bytes(self.registers[address : address + count]).ljust(count, b"\0")
 
     def later(self, address: int, data: bytes) -> None:

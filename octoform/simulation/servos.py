@@ -90,7 +90,7 @@ class ServoBus:
 
     @property
     def corrupt(self) -> int:
-        """What arrived and was no packet."""
+        """The received bytes that were no packet."""
         return self._reader.broken
 
     @property
@@ -180,7 +180,7 @@ class ServoBus:
         return self.bus_fault is not None
 
     def _answer(self, one: Packet) -> bytes:
-        """What comes back from all servos that the packet is for; two with one id talk at once, and spoil it."""
+        """The answers of all servos that the packet is for; two with one id talk at once, and spoil it."""
         answers = [answer for servo in self._meant(one.number) if (answer := _served(servo, one))]
         if len(answers) < 2:
             return b"".join(answers)

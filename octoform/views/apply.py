@@ -169,7 +169,7 @@ class RunHuman:
             self._moving.update(self._running.node, "  ".join(part for part in parts if part))
 
     def _edited(self, event: events.SpecEdited) -> None:
-        """What the agent made of its own copy of the spec, as a diff."""
+        """The agent's edit of its copy of the spec, as a diff."""
         paint = self._console.paint
         what = "corrected its copy of the spec" if event.permitted else "changed its copy of the spec unasked"
         self._print(f"{paint('~', 'yellow')} {event.node:<10} the agent {what} (attempt {event.number})")
@@ -231,7 +231,7 @@ class RunHuman:
             self._endpoint(result)
 
     def _questions(self, result: RunResult) -> None:
-        """What is open, and how it is answered."""
+        """The open questions, and how to answer them."""
         if result.questions:
             self._console.line()
         knowledge.ask(result.questions, self._console)

@@ -35,7 +35,7 @@ COLUMNS = (
 """On a terminal that is too narrow the least useful columns are omitted; -json and `attempts show` have all."""
 UNKNOWN = "-"
 FILES = {"prompt.md": "prompt", "agent.log": "log", "transcript.jsonl": "transcript"}
-"""What octoform keeps of an attempt, shown as far as it is there: a reuse has none of it."""
+"""The kept files of an attempt, shown as far as they are there: a reuse has none."""
 
 
 def listing(console: Console, attempts: Sequence[Attempt], *, everything: bool, as_json: bool) -> int:

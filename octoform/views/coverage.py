@@ -199,7 +199,7 @@ def _usable(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
 
 
 def _offers(devices: tuple[Device, ...], width: int) -> Iterator[str]:
-    """What is offered for devices that are not listed one by one with a reason."""
+    """The offers for devices that are not listed one by one with a reason."""
     for item in devices:
         if item.offer:
             yield from _wrapped(f"{item.id}: {words.reason(OFFERED)} ({item.offer})", width)

@@ -26,7 +26,7 @@ REASONS = {
     "out_of_scope": "is a part of the computer itself",
 }
 INPUTS = answer_rules.WORDS
-"""What a person had to provide, by tier."""
+"""A person's input, by tier."""
 ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
 ONBOARDABLE = "Eligible is what senses or acts, what is unknown, and what was skipped although an agent could use it."
 WITH_INFRASTRUCTURE = "Infrastructure is what was identified as carrying others, such as disks, radios and hubs."

@@ -71,7 +71,7 @@ def steps(console: Console) -> Callable[[str], None]:
 
 
 def show_installation(console: Console, result: InstallResult, *, as_json: bool) -> int:
-    """What is there; exit code 1 when something could not be installed."""
+    """Show the installed programs; exit code 1 when something could not be installed."""
     failed = 1 if result.diagnostics else 0
     if as_json:
         document = {

@@ -15,7 +15,7 @@ from octoform.views.format.values import money, one_line
 
 WIDTH = 100
 TIERS = {tier: f"a {word}" if tier > 1 else word for tier, word in WORDS.items()}
-"""What a person had to provide, by tier."""
+"""A person's input, by tier."""
 _USES = {
     Action.NOOP: "matches",
     Action.CREATE: "will match",

@@ -75,7 +75,7 @@ _LOOKS = {"reading": ("read", "reads"), "view": ("look at", "looks at")}
 
 
 def step_text(step: StepOutlook, *, certain: bool) -> str:
-    """What a step does, as the end of a sentence that begins with its name."""
+    """The action of a step, as the end of a sentence that begins with its name."""
     if step.skipped:
         return _skipped(step)
     plural = not certain
@@ -162,7 +162,7 @@ _CAUSES = {
 
 
 def phrase(item: PlannedAction, plan: Plan | None = None) -> str:
-    """What happens to the node, as the end of a sentence; of a privileged step in ``plan``: what it moves."""
+    """The action on a node, as the end of a sentence; of a privileged step in ``plan``: what it moves."""
     outlook = outlook_of(plan, item)
     if outlook is not None:
         return step_text(outlook, certain=item.certain)
@@ -170,7 +170,7 @@ def phrase(item: PlannedAction, plan: Plan | None = None) -> str:
 
 
 def outlook_of(plan: Plan | None, item: PlannedAction) -> StepOutlook | None:
-    """What is known of a step that would be carried out; None for every other node."""
+    """The outlook of a step that will be carried out; None for every other node."""
     if plan is None or item.action in (Action.DESTROY, Action.NOOP):
         return None
     return next((one for one in plan.steps if one.node == item.node), None)
@@ -192,7 +192,7 @@ _OPENS = {
     "intranet": "; opens HTTP without TLS to anyone who is on the network and has a token",
     "internet": "; opens HTTP on the network and a tunnel from the internet, to anyone who has a token",
 }
-"""What a scope means, where a plan changes it."""
+"""The meaning of a scope, where a plan changes it."""
 
 
 def reasons(plan: Plan, item: PlannedAction) -> list[str]:
@@ -312,7 +312,7 @@ def surely_runs(item: PlannedAction) -> bool:
 
 
 def reuse(reused: Reuse) -> str:
-    """What another host's output means for a node."""
+    """The effect of another host's output on a node."""
     if reused.certain:
         return f"reused from host {reused.host}, verified here; no agent runs"
     return f"reused from host {reused.host} if its inputs come out the same"
@@ -357,5 +357,5 @@ def counted(number: int, what: str) -> str:
 
 
 def recorded(folder: str) -> str:
-    """What holds of a recorded host, whatever else is stated of it."""
+    """The note on every recorded host."""
     return f"The host is the recorded or simulated one in {folder} (OCTOFORM_SYSROOT), not this machine."

@@ -20,7 +20,7 @@ _INDENT = "    "
 
 
 def report(console: Console, path: str, found: ProfileReport, *, as_json: bool) -> int:
-    """What ``profile check`` found; a profile that fits no device is no error."""
+    """The result of ``profile check``; a profile that fits no device is no error."""
     if as_json:
         hosts = [
             {"host": host.host, "devices": [_met_json(met) for met in host.devices], "others": host.others}

@@ -21,7 +21,7 @@ from octoform.views.format.values import escape, one_line, used
 WIDTH = 160
 MAX_SOURCES = 48
 TOLD = frozenset({"reused", "escalated", "spec_edit"})
-"""What of a node's detail is reported here."""
+"""The reported members of a node's detail."""
 
 
 def describe(name: str, state: NodeState) -> Iterator[tuple[str, str]]:
@@ -141,7 +141,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
 
 
 def _rows(value: object) -> list[str]:
-    """What a detail states: a list has a line for each of its items, and a mapping in it is shown without brackets."""
+    """The lines of a detail: a list has a line for each of its items, and a mapping in it is shown without brackets."""
     if not isinstance(value, list):
         return [str(value)]
     return [_row(item) for item in value] or ["none"]
@@ -195,7 +195,7 @@ STYLES = {"+": "green", "-": "red", "@": "cyan"}
 
 
 def diff(console: Console, edits: Sequence[EditView], *, as_json: bool) -> int:
-    """What waits, as unified diffs against today's specs."""
+    """The waiting edits, as unified diffs against the present specs."""
     if as_json:
         return document(console, {"format": 1, "edits": [asdict(edit) for edit in edits]})
     if not edits:

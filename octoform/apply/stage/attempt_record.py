@@ -33,7 +33,7 @@ OURS = frozenset(
         *(f"{FORMER}{name}" for name in ("output.json", *OUTPUT_NAMES.values())),
     }
 )
-"""What octoform itself puts into an attempt's folder: files, and the folder of what a step has seen."""
+"""octoform's own content of an attempt's folder: files, and the folder of what a step has seen."""
 
 
 def record(

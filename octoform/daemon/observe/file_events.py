@@ -97,7 +97,7 @@ class FolderEar:
         self._missing: tuple[Path, ...] = ()
         self._stale = True
         self.unwatched: tuple[Watch, ...] = ()
-        """What could not be watched, because the user's watches are used up (`octoform.daemon.observe.file_events`)."""
+        """The folders that could not be watched, because the user's watches are used up."""
         self.follow()
 
     def fileno(self) -> int | None:
@@ -214,7 +214,7 @@ class Unwatched:
 
 MANIFEST = "octopus.yaml"
 ASKED = ("paused.json", "asked.json")
-"""What commands write into the daemon's folder to be noticed by it."""
+"""The files that commands write into the daemon's folder to be noticed by it."""
 MAX_FOLDERS = 300
 
 

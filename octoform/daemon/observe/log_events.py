@@ -23,7 +23,7 @@ from octoform.state.layout import Layout
 # away are still read from where it lies now, and none is read twice.
 
 MAX_BYTES = 4_000_000
-"""What is read at one look; of a log that grew by more, the newest of it."""
+"""Bytes that are read at one look; of a log that grew by more, the newest of it."""
 MAX_LINE = 1_000_000
 
 
@@ -131,7 +131,7 @@ def objects(lines: list[str]) -> Iterator[dict[str, Any]]:
 MAX_CALLS, MAX_LINES, MAX_UNDER_WAY = 200, 100, 500
 TEXT_CHARS = 500
 CALL_SECONDS, GRACE_SECONDS = 30.0, 10.0
-"""What a call may take where the policy does not say, and what may pass after that until it counts as lost."""
+"""Seconds of a call without a timeout in the policy, and the seconds after which it counts as lost."""
 _ACCESS = re.compile(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\d.]+"')
 
 

@@ -35,7 +35,7 @@ class Lane(StrEnum):
     ROOM = "room"
     """Short work on files of this machine: logs, room, where a device is."""
     STAND = "stand"
-    """What the endpoint stands on, and agents: under the state's lock, and long."""
+    """Repairs of the endpoint's files, and agents: under the state's lock, and long."""
     SENSES = "senses"
     """Readings."""
 

@@ -38,7 +38,7 @@ from octoform.state.files import refused
 SAMPLING = frozenset({Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED})
 """When read tools are called: not at each event."""
 AFTER = frozenset({Cause.RETRY, Cause.PROCESS, Cause.HARDWARE, Cause.FILES, Cause.PING, Cause.LOG})
-"""What is looked at after a repair: everything that it may have changed."""
+"""The parts to observe after a repair: all that it may have changed."""
 QUIET = frozenset({Cause.PING})
 READ = QUIET | {Cause.LOG}
 """What is looked at after readings: a tool that could not be read has left a line in the log, and both are one problem.

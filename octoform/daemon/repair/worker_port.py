@@ -24,7 +24,7 @@ from octoform.base.processes import signal_group
 COMMAND = (sys.executable, "-P", "-m", "octoform.daemon.repair.worker")
 FORMAT = 1
 GRACE_SECONDS = 15.0
-"""What a child may take to end its agent and let go of its lock, before it is killed."""
+"""Seconds that a child may take to end its agent and release its lock before it is killed."""
 RESULT_LIMIT = 4_000_000
 SAID_LIMIT = 1500
 """Characters of a failed child's output that its result quotes."""

@@ -54,7 +54,7 @@ class Backoff:
     hopeless: tuple[str, ...] = ()
     """Repairs whose result was that no further try can help."""
     terms: str = ""
-    """What the manifest allowed when a re-discovery ended in a question; empty: none did."""
+    """The manifest's terms when a re-discovery ended in a question; empty: none did."""
 
     def next_of(self, chain: Sequence[Repair]) -> Repair:
         """The repair of its chain that is tried next: from its step on, and none that can help no more."""

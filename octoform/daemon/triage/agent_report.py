@@ -1,4 +1,4 @@
-"""What WATCH reported, as findings: its closed classes are the playbook, and what is in none of them is for a person.
+"""Turns WATCH's report into findings: its closed classes are the playbook, and what is in none of them is for a person.
 
 A report has passed its contract before it comes here (the tools and devices it names exist, its statements cite
 readings); what it states is still an agent's word, so it changes nothing that code can see better.

@@ -229,7 +229,7 @@ def judge(
     readings: Iterable[Reading] = (),
     given_up: Collection[str] = (),
 ) -> tuple[Finding, ...]:
-    """What is wrong now; empty while an apply is under way, for a host without an endpoint, and when all is well.
+    """The present findings; empty while an apply is under way, for a host without an endpoint, and when all is well.
 
     ``before`` are the facts of the look before, ``recall`` what `remember` made of all looks with this one,
     ``readings`` the newest of each signal. The same problem gives equal keys at each look. ``given_up`` are keys of

@@ -1,4 +1,4 @@
-"""What triage has to remember from look to look: a tool that failed is broken until it works, called again or not.
+"""The memory of triage between looks: a tool that failed is broken until it works, called again or not.
 
 A value that `remember` carries on; `as_json` and `from_json` let it survive a restart of the daemon. (Light.)
 """
@@ -62,7 +62,7 @@ class Recall:
 
 
 def remember(recall: Recall, facts: Facts) -> Recall:
-    """What is known after these facts; call it once for each look, before `judge`."""
+    """The memory after these facts; call it once for each look, before `judge`."""
     ends, instance, seen = _lives(recall, facts)
     places = {
         **recall.places,

@@ -305,7 +305,7 @@ def port(facts: Facts) -> Iterator[Finding]:
 
 
 def beyond_limits(facts: Facts) -> Iterator[Finding]:
-    """What the endpoint's process keeps still, because its device reported a place outside of a limit."""
+    """The units that the endpoint's process holds, because its device reported a place outside of a limit."""
     outside = (facts.reported or {}).get("outside")
     for tool, units in sorted(outside.items()) if isinstance(outside, Mapping) else ():
         for unit, text in sorted(units.items()) if isinstance(units, Mapping) else ():

@@ -105,7 +105,7 @@ LOCAL = ".octoform"
 PRIVATE = (LOCAL, ".git", ".env", ".envrc")
 """What of a project an agent has no business with: other attempts, and where passwords of remotes and services lie."""
 PARTS = ("octopus.yaml", "protocol", "profiles", "state")
-"""What of a project is shown where the project is a home itself."""
+"""The parts of a project that are shown where the project is a home folder itself."""
 PLACES = ("/home", "/root", "/tmp", "/var/tmp", "/run/user")
 DOORS = (
     "/dev/mqueue",
@@ -130,7 +130,7 @@ LENT = {"CAP_SETUID": 7, "CAP_SETGID": 6, "CAP_SYS_ADMIN": 21}
 CLOSED = "its user cannot read "
 UNREADABLE = f"""for path; do [ -r "$path" ] || {{ echo "{CLOSED}$path" >&2; exit 1; }}; done"""
 OF_PROCESSES = frozenset({"self", "thread-self", "mounts", "net"})
-"""What of /proc is about the process that looks at it."""
+"""The entries of /proc about the process that reads them."""
 
 
 @dataclass(frozen=True, slots=True)

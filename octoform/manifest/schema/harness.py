@@ -22,7 +22,7 @@ SWITCH, SETTINGS = "#switch", "#settings"
 AUTO: Literal["auto"] = "auto"
 """The sandbox where it can be had."""
 TAGS = frozenset({NAMED, BUILTIN, COMMAND, PROGRAM, LITELLM, REPLAY, SWITCH, SETTINGS})
-"""What pydantic puts into the path of a problem for the branch that it took."""
+"""The names that pydantic puts into the path of a problem for its branch."""
 
 ProgramName = Literal["claude-code", "codex", "gemini-cli", "opencode", "pi", "qwen-code"]
 PROGRAMS: tuple[str, ...] = get_args(ProgramName)

@@ -18,7 +18,7 @@ from pydantic import TypeAdapter
 from octoform.base.pointer import resolve
 
 Check = Callable[[Any], str | None]
-"""What is wrong with a value, as words that follow its place; None when it fits."""
+"""The problem of a value, as words that follow its place; None when it fits."""
 
 
 class Effective(NamedTuple):

@@ -33,7 +33,7 @@ OF_ONE_TOOL = 8
 
 
 CHANGING = frozenset({"enable_components", "disable_components", "reset_visibility"})
-"""What a tool calls to show and hide tools for one session."""
+"""The functions with which a tool shows and hides tools for one session."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -87,7 +87,7 @@ LOOK_SECONDS = 0.25
 MAX_OPEN = 448
 """Requests that may be open at a time, of all tokens: fewer than connections, so that the rest can be reported."""
 LEAST_OPEN = 4
-"""What a token may have open however many others are."""
+"""The open requests that a token may always have."""
 LOGGER = logging.getLogger("octoform.admission")
 LOGGER.addFilter(Throttle())
 _TOO_MANY = JSONResponse(

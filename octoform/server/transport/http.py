@@ -196,7 +196,7 @@ PATH = "/mcp"
 HEALTH = "/health"
 MAX_SESSIONS = 512
 STOP_SECONDS = 2
-"""What streams have for their end when the endpoint stops."""
+"""Seconds that streams have for their end when the endpoint stops."""
 LOGGER = logging.getLogger("octoform.web")
 LOGGER.addFilter(Throttle())
 # They log every unauthenticated request, without a bound; what matters of it is in this module's own lines.

@@ -29,7 +29,7 @@ from octoform.server.process.stderr_log import Throttle
 MAX_LINE = 8 * 1024 * 1024
 """Bytes of one message from a client."""
 GREETING = b"\n"
-"""What comes first, before any message: a line that readers of lines pass over."""
+"""The greeting, before any message: a line that readers of lines pass over."""
 MAX_CLIENTS = 100
 SEND_BYTES = 1 << 20
 MAX_WAITING = 64 * 1024 * 1024

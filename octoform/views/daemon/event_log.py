@@ -1,4 +1,4 @@
-"""What the daemon does, as it does it: on a terminal one line for each event, elsewhere one JSON object a line.
+"""Live view of the daemon: on a terminal one line for each event, elsewhere one JSON object a line.
 
 Light: it is loaded in the daemon's own process and stays there.
 """
@@ -104,7 +104,7 @@ class Lines:
             self._wipe()
 
     def _events(self, made: Cycle) -> Iterator[tuple[str, Style, str, Style]]:
-        """What it is about and how it looks, what is stated of it and how that looks."""
+        """The target and its style, the statement and its style."""
         for problem in made.problems:
             yield "octoform", (), _problem(problem), ("yellow",)
         if made.paused != self._paused:

@@ -118,7 +118,7 @@ def _worst(found: Survey) -> Part | None:
 
 
 def _what(part: Part) -> str:
-    """What is wrong, with its name where the sentence does not have it."""
+    """The problem, with the target's name where the sentence does not have it."""
     return named(part.target, part.why)
 
 
@@ -174,7 +174,7 @@ def _tried(problem: OpenProblem, now: datetime) -> str:
 
 
 def _beside(console: Console, found: Survey) -> Iterator[str]:
-    """What is not healthy and is no problem of its own: a device that is not there, a claim, a person's stop."""
+    """Unhealthy parts without a problem of their own: a device that is not there, a claim, a person's stop."""
     names = {each.target for each in found.problems}
     parts = [each for each in found.health.parts if each is not _worst(found)]
     shown = [each for each in parts if each.target not in names and not each.target.startswith("unit:")]
@@ -185,7 +185,7 @@ def _beside(console: Console, found: Survey) -> Iterator[str]:
 
 
 def _silent(console: Console, found: Survey) -> Iterator[str]:
-    """What cannot report, with the reason where there is one."""
+    """Units without data, with the reason where there is one."""
     names = found.health.uncovered
     if not names:
         return
@@ -199,7 +199,7 @@ def _silent(console: Console, found: Survey) -> Iterator[str]:
 
 
 def _todo(console: Console, found: Survey) -> Iterator[str]:
-    """What waits for a person and belongs to no problem."""
+    """Requests to a person that belong to no problem."""
     todo = [(one_line(command, MAX_LENGTH), why) for command, why in found.todo]
     width = max((len(command) for command, _ in todo), default=0)
     for command, why in todo:
@@ -207,7 +207,7 @@ def _todo(console: Console, found: Survey) -> Iterator[str]:
 
 
 def _basis(console: Console, found: Survey, now: datetime) -> Iterator[str]:
-    """What all of this rests on: who looked, when, and how much reports."""
+    """The basis of the view: who looked, when, and how many signals report."""
     claims = f"; claims in force: {_names(found.health.claims)} (octoform claims)" if found.health.claims else ""
     yield f"  {_reporting(found.health)}{claims}"
     if found.watched is None:

@@ -174,7 +174,7 @@ def waiting(console: Console, claims: Sequence[Claim], rewrites: Sequence[Mappin
 
 
 def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: bool) -> int:
-    """What became of a rewrite that a person decided about."""
+    """The result of a rewrite that a person decided about."""
     if as_json:
         console.raw(json.dumps({"format": 1, "rewrite": identity, "served": served}))
     else:
@@ -183,14 +183,14 @@ def rewrite_decided(console: Console, identity: str, *, served: bool, as_json: b
 
 
 def question(claim: Claim) -> str:
-    """What a person is asked: what their yes would make of it."""
+    """The question to a person: the effect of an approval."""
     if claim.irreversible is None:
         return "Put this temporary claim in force? It ends by itself once a reading refutes it."
     return f"Make this permanent restriction ({claim.irreversible}) true? Only octoform claims -retire ends it."
 
 
 def decided(console: Console, claim: Claim, *, as_json: bool) -> int:
-    """What became of a claim that a person decided about."""
+    """The result of a claim that a person decided about."""
     if as_json:
         console.raw(escaped_json(json.dumps({"format": 1, "claim": claim_json(claim)}, ensure_ascii=False)))
     else:

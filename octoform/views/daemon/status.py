@@ -75,7 +75,7 @@ def uncompared(console: Console, found: Status, surveyed: Survey, *, as_json: bo
 
 
 def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
-    """What is not as apply left it, then what the verdict rests on, each once."""
+    """The drift from the last apply, then the basis of the verdict, each once."""
     parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
     lines = [named(each.target, each.why) for each in parts]
     silent = len(surveyed.health.uncovered)

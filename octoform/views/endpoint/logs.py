@@ -181,7 +181,7 @@ def _caller(record: Record) -> str:
 
 
 def _approval(record: Record) -> str:
-    """What a person had to do with the call, by what the client reports of them and of itself."""
+    """A person's part in the call, by the client's report of them and of itself."""
     asked = record["decision"] == "ask"
     if not asked and not record.get("answer"):
         return ""

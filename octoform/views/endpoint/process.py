@@ -34,7 +34,7 @@ def started(console: Console, done: Started, *, as_json: bool) -> int:
 
 
 def stopped(console: Console, done: Stopped, *, as_json: bool) -> int:
-    """What was ended."""
+    """Show the stopped process."""
     pid = done.process.pid if done.process else None
     if as_json:
         document = {"format": 1, "host": done.host, "running": False, "pid": pid, "firmly": done.firmly}
@@ -174,7 +174,7 @@ def _client_document(item: ClientState) -> dict[str, Any]:
 
 
 def outcome(console: Console, done: Outcome, diagnostics: Sequence[Diagnostic], *, as_json: bool) -> int:
-    """What was done, with every changed place."""
+    """Show the changes, with every changed place."""
     if as_json:
         _json(console, {"format": 1, **_outcome(done)}, diagnostics)
         return 0

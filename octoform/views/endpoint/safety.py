@@ -19,7 +19,7 @@ from octoform.views.format.values import escape
 
 
 def stopped(console: Console, done: Sequence[Estop], found: Sequence[Diagnostic], *, as_json: bool) -> int:
-    """What the emergency stop did; exit code 0 only when all of it was done, everywhere."""
+    """Show the actions of the emergency stop; exit code 0 only when all of it was done, everywhere."""
     ok = not found and all(item.ok for item in done)
     if as_json:
         _document(console, done, found, ok=ok)
@@ -154,7 +154,7 @@ def _limit(limit: Mapping[str, Any], tool: Limited) -> str:
 
 
 def reset(console: Console, tool: str, *, as_json: bool) -> int:
-    """What was counted is forgotten."""
+    """Show that the counters were reset."""
     if as_json:
         return document(console, {"format": 1, "reset": tool})
     what = "all tools" if tool == "all" else escape(tool)

@@ -1,1 +1,1 @@
-"""What all views print with: the console, problems, tables, streams, and how values are written."""
+"""The output of all views: the console, problems, tables, streams, and how values are written."""
