@@ -146,6 +146,7 @@ def test_the_tools_drive_the_servos(server: types.ModuleType, library: Library) 
         server.arm_move_joint_calibrated("elbow_flex", 10)
     assert {port.closed for port in library.ports} == {1} and not any(port.is_open for port in library.ports)
     assert {port.node for port in library.ports} == {"/dev/tty", "/dev/tty!"}
+    assert all(port.ser.timeout > 0 for port in library.ports), "the library asks for bytes all the time"
 
 
 def test_results_have_the_members_that_were_promised(server: types.ModuleType) -> None:
