@@ -1,8 +1,8 @@
 """Outputs that were written before the rules were read: what is wrong is refused, what is right accepted."""
 
 import copy
-import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -11,9 +11,10 @@ import novel_cases as novel
 import pytest
 import unseen_cases as unseen
 import wrong_deploys
-from bench_host import desk
+from bench_host import desk, watched
 from case_hosts import SCHEMAS, host
 from cases import for_each
+from server_edits import Absent, complete
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
@@ -45,19 +46,28 @@ def identified(where: str, change: Any) -> Found:
     return check("identify", value, given, SCHEMAS)
 
 
-@functools.cache
-def of_the_desk(folder: Path) -> Artifacts:
-    root = desk(folder / "host")
+def accepted(root: Path) -> Artifacts:
+    """What the embedded agent writes of a host."""
     probe = probe_root(root)
     found = identify(probe, IdDatabases(root))
     interface = declare(found, 30)
     return Artifacts(probe=probe, identify=found, interface=interface, serve=render(interface))
 
 
+def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
+    """The judgement of the server of the first host that has what the change is about: each tool takes its time."""
+    for known in hosts:
+        with suppress(Absent):
+            return check("serve", complete(change(known.serve)), known, SCHEMAS)
+    raise AssertionError("no server has what the change is about")
+
+
 @pytest.fixture(scope="module")
 def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
     """What judges an output that a change makes of a right one, for each stage of the desk."""
-    known = of_the_desk(tmp_path_factory.mktemp("desk"))
+    folder = tmp_path_factory.mktemp("hosts")
+    hosts = [accepted(made(folder / made.__name__)) for made in (watched, desk)]
+    known = hosts[-1]
 
     def interface(change: Any) -> Found:
         value = copy.deepcopy(known.interface)
@@ -71,7 +81,7 @@ def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
 
     return {
         "interface": interface,
-        "serve": lambda change: check("serve", change(known.serve), known, SCHEMAS),
+        "serve": lambda change: served(change, hosts),
         "deploy": deploy,
     }
 
