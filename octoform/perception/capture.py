@@ -145,7 +145,7 @@ def decode(layout: Layout, pictures: Sequence[bytes]) -> list[Decoded | None] | 
     """The measures of each picture, None for one that is broken or that no library there can read.
 
     PERCEPTION-NOT-DECODED when the program cannot be run or gives no answer. Its libraries are loaded once for all
-    pictures of this process: whoever tries hardware, or watches a camera, looks into a dozen of them.
+    pictures of this process: a hardware test or a view of a camera looks into a dozen of them.
     """
     environment = recorded_environment(layout)
     if environment is None:
