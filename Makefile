@@ -26,13 +26,13 @@ ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Marked `patience` are the cells of the failure matrix that let seconds pass, with all programs but pi.
 MARKED := ((not harness$(foreach name,$(HARNESSES), or harness_$(subst -,_,$(name)))) and not patience)\
 	$(foreach name,$(CLIENTS), or (client and harness_$(subst -,_,$(name))))
-# One more than there are cores: many tests wait for a process, and seldom all at a time.
-WORKERS := $(shell expr $$(nproc) + 1)
+# Two more than there are cores: many tests wait for a process.
+WORKERS := $(shell expr $$(nproc) + 2)
 
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup test test-harnesses programs lint recordings vm faults soak coverage bench lock
+.PHONY: setup test test-harnesses programs compiled lint recordings vm faults soak coverage bench lock
 
 setup:
 	@.ci/setup dev
@@ -48,8 +48,12 @@ programs: setup
 	@.venv/bin/octoform install $(sort $(HARNESSES) $(CLIENTS))
 	@$(PYTHON) tests/conformance/suites.py
 
-test: lint programs
-	@$(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "$(MARKED)"
+# Also beside lint: the bytecode of the tests, which each worker would otherwise make for itself.
+compiled: setup
+	@printed=$$($(PYTHON) -m pytest --collect-only -q 2>&1) || { echo "$$printed"; exit 1; }
+
+test: lint programs compiled
+	@.ci/in-memory $(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "$(MARKED)"
 
 test-harnesses: HARNESSES := $(ALL_HARNESSES)
 test-harnesses: programs
