@@ -205,9 +205,8 @@ class Project:
 
     @contextmanager
     def borrowed_bytecode(self, folder: Path) -> Iterator[None]:
-        """The same for the block alone; environments of its own may be there already."""
+        """The same for the block alone, where environments of its own are there already."""
         own = self.local / "environments"
-        own.mkdir(mode=0o700, parents=True, exist_ok=True)
         links = [own / path.name for path in folder.iterdir() if path.is_dir() and not (own / path.name).exists()]
         for link in links:
             link.symlink_to(folder / link.name)
