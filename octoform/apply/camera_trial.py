@@ -24,6 +24,8 @@ from octoform.perception.capture import (
 
 NOISE_FACTOR = 3.0
 """A movement must change the picture by at least so many times what differs while nothing moves."""
+APART_SECONDS = 0.25
+"""Between two pictures that are compared: a camera may give one twice, and slow movement takes time to show."""
 _UNSEEN = frozenset({"STEP-NOT-SEEN", "STEP-NOT-BACK"})
 _STILL = "check that it has power and is free to move, that the camera sees it, and that `by` is enough"
 _RESTLESS = (
@@ -55,7 +57,9 @@ def by_frame(bench: Bench, camera: Mapping[str, Any], where: str = "/camera") ->
     and of a source without noise it cannot be determined.
     """
     tried = Tried(camera["device"], camera["tool"])
-    seen = [_look(bench, tried, camera, where, name) for name in ("first", "second")]
+    seen = [_look(bench, tried, camera, where, "first")]
+    bench.clock.sleep(APART_SECONDS)
+    seen.append(_look(bench, tried, camera, where, "second"))
     if seen[0] is not None and seen[1] is not None:
         tried.noise = difference(seen[0], seen[1])
         if repeated(seen[0], seen[1]):
@@ -86,6 +90,7 @@ class _ByView(Mover):
     """A movement that the camera shows."""
 
     _blind = False
+    _looked = -APART_SECONDS
 
     def carry_out(self) -> None:
         tried = self.tried
@@ -145,7 +150,10 @@ class _ByView(Mover):
         return []
 
     def _look(self, name: str) -> Picture | None:
-        return _look(self.bench, self.tried, self.trial["view"], self.where, name)
+        self.bench.clock.sleep(max(0.0, self._looked + APART_SECONDS - self.now))
+        seen = _look(self.bench, self.tried, self.trial["view"], self.where, name)
+        self._looked = self.now
+        return seen
 
     def _unseen(self, moved: float, wanted: float) -> None:
         tried = self.tried

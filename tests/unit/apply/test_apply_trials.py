@@ -4,6 +4,7 @@ import random
 import statistics
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -321,6 +322,8 @@ class Rail:
     sensor: Sensor | None = None
     frozen: bool = False
     last: bytes = b""
+    exposure: float = 0.3
+    looks: list[float] = field(default_factory=list)
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         assert tool == "rail_move_x"
@@ -336,7 +339,8 @@ class Rail:
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         assert view == {"tool": "capture_image", "arguments": {}}
-        self.time.wait(0.3)
+        self.looks.append(self.time.now)
+        self.time.wait(self.exposure)
         if self.dark:
             return Seen(Picture(1.0, 0.5, bytes(64 * 48)), b"dark", "image/jpeg")
         luma, _, _ = self.scene.frame(320, 240)
@@ -370,6 +374,15 @@ def test_the_camera_sees_the_rail_move_and_come_back_although_it_swept_before(tm
     assert sorted(path.name for path in tmp_path.iterdir()) == [
         *("x-after.jpg", "x-back.jpg", "x-before.jpg", "x-still.jpg")
     ]
+
+
+def test_pictures_that_are_compared_are_apart_however_fast_they_come(tmp_path: Path) -> None:
+    rail = a_rail(exposure=0.0)
+    by_view(bench(rail, VIEW, tmp_path), SIGHT, "/trials/0")
+    by_frame(bench(rail, FRAME, tmp_path), CAMERA)
+    assert len(rail.looks) >= 10
+    assert min(later - earlier for earlier, later in pairwise(rail.looks[:-2])) >= 0.25
+    assert rail.looks[-1] - rail.looks[-2] >= 0.25
 
 
 def test_a_jammed_rail_says_ok_and_is_not_seen_to_move(tmp_path: Path) -> None:
