@@ -216,6 +216,7 @@ class ForkServer:
 
     def end(self) -> None:
         """End it, and not what it has forked. One that a fork of this process inherited is left to this process."""
+        self._loaded = False
         self._orders.close()
         if self._owner == os.getpid():
             try:

@@ -93,6 +93,15 @@ def test_a_script_that_kills_its_server_ends_and_the_next_one_has_another(servin
     assert forked(another, serving.python, tmp_path, "print('well')").stdout == "well\n", "as a program of its own"
 
 
+def test_one_that_was_ended_is_used_no_more(serving: Environment, tmp_path: Path) -> None:
+    first = ForkServer.at(serving.python)
+    assert first.loaded(60)
+    first.end()
+    assert not first.loaded(0)
+    assert forked(first, serving.python, tmp_path, "print(1)").stdout == "1\n"
+    assert ForkServer.at(serving.python) is not first
+
+
 def test_a_script_that_stops_its_server_holds_nobody_up(
     serving: Environment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
