@@ -9,7 +9,7 @@ from bench_host import desk, watched
 from cases import for_each
 from guarded_servers import GUARDED, RIGHT
 from right_servers import READS, RESULTS, reading, result
-from server_edits import Absent, Edit, all_of, swap
+from server_edits import Absent, Edit, all_of, complete, swap
 from wrong_servers import BY_DEFINITION, WRONG
 
 from octoform.base.id_databases import IdDatabases
@@ -41,7 +41,7 @@ def judged(edit: Edit, servers: Servers) -> list[Diagnostic]:
     """What is found after the edit of the first server that has what it is about."""
     for interface, good in servers:
         with suppress(Absent):
-            return serve_static(edit(good), interface)
+            return serve_static(complete(edit(good)), interface)
     raise AssertionError("no server has what the edit is about")
 
 
