@@ -31,6 +31,18 @@ def test_an_output_of_the_same_key_is_taken_and_no_agent_called() -> None:
     assert not planned["identify"].calls_agent and not planned["identify"].calls_model
 
 
+def test_a_model_is_called_only_where_no_output_is_certain() -> None:
+    known = settled()["identify"]
+    prior = settled(identify=replace(known, key_parts={**known.key_parts, "spec": "sha256:older"}))
+    asks = tuple(replace(action, calls_model=True) for action in diff(GRAPH, prior, observed(), Wishes()))
+    offers = {
+        "identify": (Offer("desk", parts_of("identify"), FRESH),),
+        "interface": (Offer("desk", parts_of("interface", identify=FRESH), "sha256:tools"),),
+    }
+    planned = {action.node: action for action in with_reuse(GRAPH, asks, prior, offers)}
+    assert [planned[name].calls_model for name in ("identify", "interface")] == [False, True]
+
+
 def test_an_output_of_another_key_is_not() -> None:
     offer = Offer("desk", {**parts_of("identify"), "spec": "sha256:of-the-desk"}, FRESH)
     planned = lent({"identify": (offer,)})
