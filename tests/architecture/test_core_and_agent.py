@@ -6,6 +6,8 @@ import re
 from dataclasses import dataclass
 from pathlib import Path
 
+from architecture.parsed import nodes
+
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "octoform").rglob("*.py"))
 # What lies below endpoint/scripts runs in the serving environment, beside the server's own libraries, and is imported
@@ -35,7 +37,7 @@ def facts(path: Path) -> Facts:
     imported: set[str] = set()
     relative: set[str] = set()
     words: list[str] = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path.read_text()):
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             strings.append(node.value)
         elif isinstance(node, ast.Import):

@@ -9,6 +9,8 @@ import tomllib
 from collections import defaultdict
 from pathlib import Path
 
+from architecture.parsed import tree
+
 ROOT = Path(__file__).parents[2]
 PACKAGE = ROOT / "octoform"
 SHORT = 60
@@ -18,9 +20,9 @@ def module_of(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
-def read_at_once(tree: ast.Module) -> set[str]:
+def read_at_once(module: ast.Module) -> set[str]:
     """What a module imports when it is imported itself: as modules, and as names of modules."""
-    nodes = [node for node in tree.body if isinstance(node, ast.Import | ast.ImportFrom)]
+    nodes = [node for node in module.body if isinstance(node, ast.Import | ast.ImportFrom)]
     whole = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
     origins = [node for node in nodes if isinstance(node, ast.ImportFrom) and node.module]
     return whole | {
@@ -41,7 +43,7 @@ def shallow(modules: dict[str, tuple[int, set[str]]], entries: set[str]) -> dict
 def test_a_short_module_with_one_reader_lies_in_its_reader() -> None:
     files = [path for path in sorted(PACKAGE.rglob("*.py")) if path.name not in ("__init__.py", "__main__.py")]
     texts = {module_of(path): path.read_text() for path in sorted(PACKAGE.rglob("*.py"))}
-    modules = {name: (len(text.splitlines()), read_at_once(ast.parse(text))) for name, text in texts.items()}
+    modules = {name: (len(text.splitlines()), read_at_once(tree(text))) for name, text in texts.items()}
     scripts = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"].values()
     linked = {module_of(path.resolve()) for path in files if path.is_symlink()}
     rest = modules.keys() - {module_of(path) for path in files}

@@ -7,10 +7,11 @@ handles each of them once.
 
 import ast
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Set
 from pathlib import Path
 
 import pytest
+from architecture.parsed import nodes
 
 ROOT = Path(__file__).parents[2] / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
@@ -44,12 +45,14 @@ def relative(path: Path) -> str:
     return path.relative_to(ROOT).as_posix()
 
 
-def calls(tree: ast.AST) -> Iterator[tuple[ast.Call, str, str]]:
-    """Every call, with the words before its last dot and the word after it."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+def calls(source: str, names: Set[str]) -> Iterator[tuple[ast.Call, str, str]]:
+    """Every call of one of the names, with the words before its last dot and the word after it."""
+    for node in nodes(source):
+        if not isinstance(node, ast.Call):
+            continue
+        if isinstance(node.func, ast.Attribute) and node.func.attr in names:
             yield node, ast.unparse(node.func.value), node.func.attr
-        elif isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+        elif isinstance(node.func, ast.Name) and node.func.id in names:
             yield node, "", node.func.id
 
 
@@ -68,24 +71,25 @@ def is_plain(call: ast.Call, owner: str, name: str) -> bool:
     return name in PLAIN and bool(owner) and not shipped(owner)
 
 
-def flags(tree: ast.AST, call: ast.Call) -> str:
+def flags(source: str, call: ast.Call) -> str:
     """The flags of an `os.open`, with those of the names in them."""
     text = " ".join(ast.unparse(word) for word in call.args)
-    assigned = [node for node in ast.walk(tree) if isinstance(node, ast.Assign)]
+    assigned = [node for node in nodes(source) if isinstance(node, ast.Assign)]
     named = [node.value for node in assigned if any(ast.unparse(target) in text.split() for target in node.targets)]
     return " ".join((text, *map(ast.unparse, named)))
 
 
-def waits(tree: ast.AST) -> list[str]:
+def waits(source: str) -> list[str]:
     """The calls that may wait for another process, or take what they should not."""
-    plain = [f"{call.lineno}: {owner}.{name}" for call, owner, name in calls(tree) if is_plain(call, owner, name)]
-    opened = [call for call, owner, name in calls(tree) if (owner, name) == ("os", "open")]
-    late = [call for call in opened if not any(word in flags(tree, call) for word in PROMPT)]
+    found = list(calls(source, PLAIN | {"open"}))
+    plain = [f"{call.lineno}: {owner}.{name}" for call, owner, name in found if is_plain(call, owner, name)]
+    opened = [call for call, owner, name in found if (owner, name) == ("os", "open")]
+    late = [call for call in opened if not any(word in flags(source, call) for word in PROMPT)]
     return [*plain, *(f"{call.lineno}: {ast.unparse(call)}" for call in late)]
 
 
-def parses(tree: ast.AST) -> list[int]:
-    return [call.lineno for call, owner, name in calls(tree) if owner == "json" and name in {"load", "loads"}]
+def parses(source: str) -> list[int]:
+    return [call.lineno for call, owner, _ in calls(source, {"load", "loads"}) if owner == "json"]
 
 
 def is_rename(call: ast.Call, owner: str, name: str) -> bool:
@@ -94,11 +98,10 @@ def is_rename(call: ast.Call, owner: str, name: str) -> bool:
     return f"{owner}.{name}" in RENAMES or name in RENAMING | DRAFTS or (alone and owner not in {"dataclasses", "copy"})
 
 
-def renames(tree: ast.AST) -> list[str]:
+def renames(source: str) -> list[str]:
     """The calls that may be a second way of replacing a file, by their line."""
-    found = sorted(
-        (call.lineno, f"{owner}.{name}") for call, owner, name in calls(tree) if is_rename(call, owner, name)
-    )
+    named = calls(source, RENAMING | DRAFTS | {name.rpartition(".")[2] for name in RENAMES})
+    found = sorted((call.lineno, f"{owner}.{name}") for call, owner, name in named if is_rename(call, owner, name))
     return [text for _, text in found]
 
 
@@ -116,15 +119,15 @@ WATCHED = [
 def test_json_is_parsed_and_files_are_read_and_written_by_the_base() -> None:
     found = {}
     for path in WATCHED:
-        tree = ast.parse(path.read_text())
+        source = path.read_text()
         # The runtime is the one part that opens nodes: what it reads there is the device.
-        found[relative(path)] = (parses(tree), [] if relative(path).startswith("runtime/") else waits(tree))
+        found[relative(path)] = (parses(source), [] if relative(path).startswith("runtime/") else waits(source))
     assert {name: both for name, both in found.items() if both != ([], [])} == {}
 
 
 def test_files_are_replaced_and_renamed_by_the_base_alone() -> None:
     # The runtime and the programs beside a server replace nothing: they are read too.
-    found = {relative(path): renames(ast.parse(path.read_text())) for path in FILES}
+    found = {relative(path): renames(path.read_text()) for path in FILES}
     base = found.pop("base/files.py")
     assert base
     assert {name: lines for name, lines in found.items() if lines} == FOLDERS
@@ -144,7 +147,7 @@ def test_files_are_replaced_and_renamed_by_the_base_alone() -> None:
     ],
 )
 def test_the_rule_sees_a_second_way_of_replacing(line: str) -> None:
-    assert renames(ast.parse(line))
+    assert renames(line)
 
 
 @pytest.mark.parametrize(
@@ -158,7 +161,7 @@ def test_the_rule_sees_a_second_way_of_replacing(line: str) -> None:
     ],
 )
 def test_the_rule_lets_pass_what_replaces_no_file_by_itself(line: str) -> None:
-    assert not renames(ast.parse(line))
+    assert not renames(line)
 
 
 @pytest.mark.parametrize(
@@ -174,7 +177,7 @@ def test_the_rule_lets_pass_what_replaces_no_file_by_itself(line: str) -> None:
     ],
 )
 def test_the_rule_sees_what_it_forbids(line: str) -> None:
-    assert waits(ast.parse(line))
+    assert waits(line)
 
 
 @pytest.mark.parametrize(
@@ -189,4 +192,4 @@ def test_the_rule_sees_what_it_forbids(line: str) -> None:
     ],
 )
 def test_the_rule_lets_pass_what_waits_for_nobody(line: str) -> None:
-    assert not waits(ast.parse(line))
+    assert not waits(line)

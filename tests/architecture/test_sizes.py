@@ -4,6 +4,8 @@ import ast
 import statistics
 from pathlib import Path
 
+from architecture.parsed import nodes, tree
+
 ROOT = Path(__file__).parents[2]
 FILES = sorted((ROOT / "octoform").rglob("*.py"))
 GRAB_BAGS = {"utils", "util", "helpers", "helper", "common", "misc", "manager", "managers"}
@@ -12,7 +14,7 @@ GRAB_BAGS = {"utils", "util", "helpers", "helper", "common", "misc", "manager", 
 def functions(path: Path) -> list[tuple[str, int, int]]:
     """(name, lines, parameters) of every function in a file."""
     out = []
-    for node in ast.walk(ast.parse(path.read_text())):
+    for node in nodes(path.read_text()):
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
             arguments = node.args.posonlyargs + node.args.args + node.args.kwonlyargs
             count = len([argument for argument in arguments if argument.arg not in ("self", "cls")])
@@ -42,4 +44,4 @@ def test_functions_are_short_and_take_few_parameters() -> None:
 
 def test_every_module_says_why_it_exists_and_none_is_a_grab_bag() -> None:
     assert [str(path) for path in FILES if {path.stem, path.parent.name} & GRAB_BAGS] == []
-    assert [str(path) for path in FILES if not ast.get_docstring(ast.parse(path.read_text()))] == []
+    assert [str(path) for path in FILES if not ast.get_docstring(tree(path.read_text()))] == []
