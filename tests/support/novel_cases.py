@@ -321,7 +321,7 @@ def in_words(name: str, text: str) -> Any:
     return lambda value: interface.tool(value, name).update(description=text)
 
 
-def percent(**bounds: float) -> Any:
+def percent(**bounds: Any) -> Any:
     """`set_brightness` with other bounds."""
     return lambda value: interface.tool(value, "set_brightness")["input_schema"]["properties"]["percent"].update(bounds)
 
@@ -355,7 +355,10 @@ INTERFACE_RIGHT |= {
         "read_temperature", "Read the temperature in degrees Celsius, at which fans run at 100 percent."
     ),
     "a temperature in other words": in_words("read_temperature", "Lit la température de la carte en °C."),
-    "a percentage that may be negative": percent(minimum=-100),
+    "a percentage that may be negative": percent(minimum=-100, description="change in percent; negative is darker"),
+    "a percentage of a turn": interface.takes(
+        "set_led", "tilt_percent", {**NUMBER, "minimum": -100, "maximum": 100, "default": 0}
+    ),
     "degrees that a voltage gives": result(
         "read_temperature",
         ("temperature_c", {**NUMBER, "description": "degrees Celsius, computed from the millivolts of the sensor"}),
@@ -363,9 +366,64 @@ INTERFACE_RIGHT |= {
     "degrees by their letter": result("read_temperature", ("temperature_c", {**NUMBER, "description": "in C"})),
     "degrees without a word": result("read_temperature", ("temperature_c", NUMBER)),
     "volts with their range": result(
-        "read_temperature", ("supply_v", {**NUMBER, "description": "volts; the driver gives millivolts"})
+        "read_storage", ("supply_v", {**NUMBER, "description": "volts; the driver gives millivolts"})
     ),
     "a state of charge and its count": result(
-        "read_temperature", ("load_percent", {**NUMBER, "description": "percent of 250 mA"})
+        "read_storage", ("load_percent", {**NUMBER, "description": "percent of 250 mA"})
     ),
+}
+
+
+# What the host or a stage before contradicts: lights, channels and products, and whom a description calls.
+def choice(name: str, *words: str) -> Any:
+    """`set_led` with a choice among these."""
+    return interface.takes("set_led", name, {**TEXT, "enum": [*words], "default": words[0]})
+
+
+def as_named(capability: str, name: str) -> Any:
+    return lambda value: interface.tool(value, capability).update(name=name)
+
+
+UNIT = {**TEXT, "enum": ["V", "A"]}
+INTERFACE_WRONG |= {
+    "a brightness below zero": percent(minimum=-100),
+    "a lamp below zero": interface.takes(
+        "set_led", "led_percent", {**NUMBER, "minimum": -50, "maximum": 100, "default": 0}
+    ),
+    "a light that the board has not": choice("led", "bench:green", "bench:red"),
+    "another board's light": choice("led", "bench:red"),
+    "a channel that the board has not": interface.takes(
+        "read_temperature", "channel", {**TEXT, "enum": ["temp1", "temp7"], "default": "temp1"}
+    ),
+    "volts of a thermometer": result("read_temperature", ("supply_v", {**NUMBER, "description": "volts"})),
+    "units of another chip": result("read_temperature", ("value", NUMBER), ("unit", UNIT)),
+    "humidity of a thermometer": result("read_temperature", ("humidity_percent", NUMBER)),
+    "a product in a name": as_named("capture_image", "capture_works_image"),
+    "a maker in a name": as_named("list_camera_formats", "works_formats"),
+    "a reading that is published": interface.says(
+        "read_temperature", "Read the temperature and publish it.\nPublishes each reading to an MQTT broker."
+    ),
+    "a picture that is uploaded": interface.says("capture_image", "Takes a picture and uploads it to the cloud."),
+    "a tool that comes first": interface.says(
+        "set_led", "Dims the lamp. You must call read_led before, or the level is lost."
+    ),
+    "a lamp of the whole world": interface.hint("set_led", openWorldHint=True),
+}
+INTERFACE_RIGHT |= {
+    "a light by a part of its name": choice("led", "green"),
+    "a light or all of them": choice("led", "bench:green", "all"),
+    "a choice of something else": choice("effect", "steady", "blink"),
+    "a channel by its label": interface.takes(
+        "read_temperature", "channel", {**TEXT, "enum": ["temp1", "board"], "default": "board"}
+    ),
+    "a temperature in Fahrenheit": result("read_temperature", ("temperature_fahrenheit", NUMBER)),
+    "a temperature and a load": result("read_temperature", ("temperature_k", NUMBER), ("load_percent", NUMBER)),
+    "a name with the kind of thing": as_named("set_led", "set_led_light"),
+    "a picture that stays": interface.says(
+        "capture_image", "Takes a picture. Nothing is uploaded to the cloud or kept.\n\nThrough: OpenCV."
+    ),
+    "what a device sends": interface.says(
+        "read_input_events", "Waits for the events that the keys send to the kernel."
+    ),
+    "what to do before": interface.says("set_led", "Dims the lamp. The level that read_led gives is lost then."),
 }

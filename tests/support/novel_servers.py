@@ -206,15 +206,17 @@ BOUNDS: dict[str, Any] = {
 }
 
 
-def light(text: str, level: str = "int((folder / 'brightness').read_text())") -> Any:
-    """`set_brightness` with these lines where it writes; ``level`` is what it returns then."""
+def light(
+    text: str, level: str = "int((folder / 'brightness').read_text())", percent: str = "100 * level / maximum"
+) -> Any:
+    """`set_brightness` with these lines where it writes; ``level`` and ``percent`` are what it returns then."""
     return body(
         "set_brightness",
         "with runtime.device(device, actuate=True).bus() as unit:\n    folder = unit.path('backlight')\n"
         "    maximum = int((folder / 'max_brightness').read_text())\n"
         + "".join(f"    {line}\n" for line in text.splitlines())
         + f"    level = {level}\n"
-        "return Lights(device=device, lights=[Light(name='panel', percent=100 * level / maximum, level=level, "
+        f"return Lights(device=device, lights=[Light(name='panel', percent={percent}, level=level, "
         "maximum=maximum)])",
     )
 
@@ -251,6 +253,67 @@ ACTS: dict[str, Any] = {
         f"try:\n    {WRITE}\nexcept Exception:\n    return Lights(device=device, lights=[])"
     ),
 }
+LEVEL = "round(maximum * percent / 100)"
+NOW = "int((folder / 'brightness').read_text())"
+MADE = (
+    "def made(device, percent, maximum):\n    level = round(maximum * percent / 100)\n    return Lights(device=device, "
+    "lights=[Light(name='panel', percent=percent, level=level, maximum=maximum)])"
+)
+
+
+def sets(value: str, name: str = "brightness") -> str:
+    return f"(folder / '{name}').write_text(str({value}))"
+
+
+SETS: dict[str, Any] = {
+    "a level that was only asked for": light(WRITE, LEVEL),
+    "a percentage that was only asked for": light(WRITE, percent="percent"),
+    "what was asked for, by a name": light(f"wanted = {LEVEL}\n{sets('wanted')}", "wanted", "float(percent)"),
+    "what was asked for, by a function": all_of(
+        adds(MADE), light(f"{WRITE}\nif folder:\n    return made(device, percent, maximum)")
+    ),
+    "the rest of what was asked for": light(sets(f"maximum - {LEVEL}")),
+    "a hundred less what was asked for": light(sets("round(maximum * (100 - percent) / 100)")),
+    "the rest, by a name": light(f"rest = 100 - percent\n{sets('int(maximum * rest) // 100')}"),
+    "the rest, by a function": all_of(
+        adds("def shine(folder, level):\n    (folder / 'brightness').write_text(str(255 - level))"),
+        light(f"shine(folder, {LEVEL})"),
+    ),
+    "the power": light(sets(LEVEL, "bl_power")),
+    "what the kernel measures": light(sets(LEVEL, "actual_brightness")),
+    "the largest level": light(sets(LEVEL, "max_brightness")),
+    "the trigger, by an open file": light(f"with open(folder / 'trigger', 'w') as file:\n    file.write(str({LEVEL}))"),
+    "only large changes": light(f"before = {NOW}\nif abs({LEVEL} - before) > 5:\n    {WRITE}"),
+    "only large changes, either way": all_of(
+        adds("STEP = 8"), light(f"delta = {LEVEL} - {NOW}\nif delta > STEP or delta < -STEP:\n    {WRITE}")
+    ),
+    "nothing where it is near": light(
+        f"level = {NOW}\nif abs(level - {LEVEL}) < 10:\n    return lights(device, 'backlight')\n{WRITE}"
+    ),
+}
+"""What a tool sets instead of what it was given, and what it returns instead of what came of it."""
+ALTERED: dict[str, Any] = {
+    "cut off above": temperature(f"value = min({NUMBER}, 50000)"),
+    "cut off by a test": temperature(f"{READ}\nif value > 50000:\n    value = 50000"),
+    "cut off by a choice": temperature(f"{READ}\nvalue = 50000 if value > 50000 else value"),
+    "cut off on both sides": temperature(f"value = max(18000.0, min({NUMBER}, 50000.0))"),
+    "the load of the computer": temperature(
+        f"{ASKED}.path('hwmon')\nvalue = float(Path('/proc/loadavg').read_text().split()[0])"
+    ),
+    "how long the computer runs": temperature(f"{ASKED}\nvalue = float(open('/proc/uptime').read().split()[0])"),
+    "the memory of the computer, by a function": temperature(
+        "value = memory(device)",
+        more="def memory(name):\n    runtime.device(name)\n    with open('/proc/meminfo') as file:\n"
+        "        return float(file.readline().split()[1])",
+    ),
+    "half of it": temperature(f"value = ({NUMBER} + 21500) / 2"),
+    "a mean with a number": temperature(f"import statistics\nvalue = statistics.mean([{NUMBER}, 21500.0])"),
+    "a sum with a number": temperature(f"value = sum([{NUMBER}, 20000]) / 2"),
+    "the hash of its text": temperature(f"value = hash(({FILE}).read_text()) % 40000"),
+    "the length of its text": temperature(f"text = ({FILE}).read_text()\nvalue = 4300 * len(text)"),
+    "the check sum of its text": temperature(f"import zlib\nvalue = zlib.crc32(({FILE}).read_bytes()) % 40000"),
+}
+"""What is made of a reading, or of the computer's own figures, and is none."""
 MANNERS: dict[str, Any] = {
     "an end of the process": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    sys.exit(1)"),
     "an end without a word": read_by(f"try:\n    value = {NUMBER}\nexcept OSError:\n    os._exit(1)"),
@@ -276,6 +339,8 @@ WRONG = {
         "file": FILES,
         "bound": BOUNDS,
         "acts": ACTS,
+        "sets": SETS,
+        "altered": ALTERED,
         "manners": MANNERS,
     }.items()
     for name, case in cases.items()
@@ -461,4 +526,43 @@ WRONG |= {
     "child: an asynchronous tool that waits for it": all_of(
         picture(LOCKED, shot()), swap("def capture_image(", "async def capture_image(")
     ),
+}
+RIGHT |= {
+    "a level that was looked at": light(
+        f"wanted = {LEVEL}\n{sets('wanted')}\nif {NOW} != wanted:\n    raise ToolError('it was not taken')", "wanted"
+    ),
+    "a level and what was asked for": light(f"requested = {LEVEL}\n{sets('requested')}"),
+    "a level that the kernel measures": light(WRITE, "int((folder / 'actual_brightness').read_text())"),
+    "a scale that is turned in both tools": all_of(
+        light(sets(f"maximum - {LEVEL}"), percent="100 - 100 * level / maximum"),
+        body(
+            "read_brightness",
+            "folder = runtime.device(device).path('backlight')\n"
+            f"maximum = int((folder / 'max_brightness').read_text())\nlevel = {NOW}\n"
+            "return Lights(device=device, lights=[Light(name='panel', percent=100 * (maximum - level) / maximum, "
+            "level=level, maximum=maximum)])",
+        ),
+    ),
+    "a scale that is turned twice": light(sets("maximum - round(maximum * (100 - percent) / 100)")),
+    "a level and the power": light(f"{sets('0 if percent else 4', 'bl_power')}\n{WRITE}"),
+    "a level of bytes": light(f"folder.joinpath('brightness').write_bytes(b'%d' % {LEVEL})"),
+    "a level where it is another": light(f"if abs({NOW} - {LEVEL}) >= 1:\n    {WRITE}"),
+    "a level without a jump": light(
+        f"if abs({NOW} - {LEVEL}) > 80:\n    raise ToolError('set it in smaller steps')\n{WRITE}"
+    ),
+    "a level in steps": light(
+        f"wanted = {LEVEL}\nfor _ in range(30):\n    now = {NOW}\n    if abs(wanted - now) <= 10:\n        break\n"
+        f"    {sets('now + (10 if wanted > now else -10)')}\n{sets('wanted')}"
+    ),
+    "a value that is not below zero": temperature(f"value = max(0.0, {NUMBER})"),
+    "a number with a sign": temperature(f"raw = int({NUMBER})\nvalue = raw - 65536 if raw > 32767 else raw"),
+    "from Fahrenheit": temperature(f"value = ({NUMBER} - 32000) / 1.8"),
+    "a mean of two readings": temperature(f"value = ({NUMBER} + {NUMBER}) / 2"),
+    "a text that is long enough": temperature(
+        f"text = ({FILE}).read_text()\nif len(text) < 2:\n    raise ToolError('an empty file')\nvalue = float(text)"
+    ),
+    "beside what is mounted": temperature(
+        f"if not Path('/proc/mounts').read_text():\n    raise ToolError('nothing is mounted')\n{READ}"
+    ),
+    "of the hotter one of two": temperature(f"value = max({NUMBER}, {NUMBER})"),
 }

@@ -436,6 +436,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "INTERFACE-REASON-FALSE",
         "INTERFACE-ENDLESS",
         "INTERFACE-LIMIT-UNIT",
+        *("INTERFACE-CHOICE-UNKNOWN", "INTERFACE-CHANNEL-UNIT", "INTERFACE-NAME-PRODUCT"),
         "IDENTIFY-NEIGHBOUR-PROMOTED",
         "IDENTIFY-MANY-CAPABILITIES",
         "IDENTIFY-MANY-DEVICES",

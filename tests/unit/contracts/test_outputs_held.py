@@ -24,12 +24,7 @@ from octoform.contracts.model import Artifacts
 
 SENSOR = "hwmon-benchtemp"
 WARNED = ("DEPLOY-VERSION-EARLY", "DEPLOY-FAILED-UNKNOWN")
-MILD = (
-    "a bare text",
-    "a reading of the open world",
-    "a lamp that destroys",
-    "an order in another voice",
-)
+MILD = ("a bare text", "a lamp that destroys")
 """What cannot be proved wrong is reported and accepted."""
 
 

@@ -1,9 +1,11 @@
 """Servers by the dozen: each wrong one is refused for what is wrong, and no right one is, in whatever words."""
 
+import copy
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
+import novel_servers
 import pytest
 from bench_host import desk, watched
 from cases import for_each
@@ -81,3 +83,13 @@ def test_a_number_that_a_test_may_choose_gives_no_finding(way: str, servers: Ser
 
 def test_there_are_enough_of_them_to_mean_something() -> None:
     assert len(WRONG) >= 140 and len(READS) + len(RESULTS) >= 70
+
+
+def test_a_reading_may_end_at_a_bound_that_interface_declares(servers: Servers) -> None:
+    cut = novel_servers.WRONG["altered: cut off above"]
+    interface, good = copy.deepcopy(servers[0])
+    [tool] = [item for item in interface["tools"] if item["name"] == "read_temperature"]
+    value = tool["output_schema"]["properties"]["readings"]["items"]["properties"]["value"]
+    assert {item.code for item in serve_static(cut(good), interface)} == {"SERVE-CONSTANT-READING"}
+    value["maximum"] = 50
+    assert serve_static(cut(good), interface) == []

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
-from octoform.base.escaping import display
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
@@ -44,6 +44,30 @@ _LONG = frozenset({"min", "mins", "minutes", "h", "hours"})
 _PAST = re.compile(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
 MAX_TRIAL = 10.0
 """Seconds that the test call of a reading may wait, or record."""
+_FROM_NOTHING = frozenset(
+    {
+        "brightness",
+        "volume",
+        "loudness",
+        "charge",
+        "battery",
+        "fill",
+        "duty",
+        "humidity",
+        "intensity",
+        "backlight",
+        "led",
+    }
+    | {"light", "lamp", "dimmer", "opacity", "contrast", "moisture"}
+)
+"""Words for what has no less than none of it: a percentage of it begins at 0."""
+_CHANGES = re.compile(
+    r"(?i)change|relative|offset|delta|adjust|differ|shift|trim|correct|step|balance|negative|more or less"
+)
+_ANY_OF = frozenset(
+    {"all", "any", "none", "both", "auto", "default", "first", "every", "each", "off", "on", "mean", "max", "min"}
+)
+_KERNEL_NAME = re.compile(r"(?i)[a-z]+[-_:]?\d+|.*[:_].*")
 _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
 _ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
@@ -84,10 +108,39 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 why = f"has the default {given:g}, which its own range does not hold"
             elif beyond:
                 why = f"reaches {beyond[0]:g} {unit}, which nothing does"
+            elif unit == "%" and _is_plain(low) and low < 0 and _begins_at_nothing(tool, name, member):
+                why = f"reaches {low:g} percent of what there is no less than none of"
             else:
                 continue
             summary = f"{display(name)} of {display(tool['name'])} {why}"
             out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
+    return out
+
+
+def _begins_at_nothing(tool: JsonObject, name: str, member: Mapping[str, Any]) -> bool:
+    """Whether a percentage is one of something, by its own words or the tool's, and no change of it."""
+    said = f"{name} {member.get('description', '')}"
+    own = {word for word in tokens(name) if word not in ("percent", "percentage", "pct", "value", "level")}
+    return bool(_FROM_NOTHING & (own or set(tokens(tool["name"])))) and not _CHANGES.search(f"{said} {tool['name']}")
+
+
+def choice_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A choice among the channels, the lights or the units of a device is one that IDENTIFY or PROBE has of it."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        known = _parts_of(tool, artifacts)
+        text = "\n".join((*known, *_strings_of(tool, artifacts))).casefold()
+        for name, where, member in _parameters(index, tool) if known else ():
+            given = {str(item) for item in (*_list(member.get("enum")), member.get("const")) if isinstance(item, str)}
+            strange = sorted(item for item in given - known - _ANY_OF if item.casefold() not in text)
+            if name == "device" or not strange:
+                continue
+            if given & known or (_is_of(name, tool, artifacts) and all(map(_KERNEL_NAME.fullmatch, strange))):
+                summary = (
+                    f"{display(name)} of {display(tool['name'])} offers {listed(strange)}, which its device has not"
+                )
+                hint = f"offer what IDENTIFY lists of it: {listed(sorted(known))}"
+                out.append(error("INTERFACE-CHOICE-UNKNOWN", summary, pointer=where, hint=hint))
     return out
 
 
@@ -331,11 +384,39 @@ def _is_time(spoken: set[str], member: Mapping[str, Any]) -> bool:
     return bool(spoken & {"seconds", "secs", "duration", *_SECONDS} or names & {"seconds", "second", "s", "ms"})
 
 
+def listed_of(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, Mapping[str, Any]]]:
+    """(member, record) of each channel, light or port that IDENTIFY lists of a tool's capability."""
+    for device in (artifacts.identify or {"devices": []})["devices"]:
+        abilities = device["capabilities"] if device["id"] in tool["devices"] else ()
+        for ability in (each for each in abilities if each["name"] == tool["capability"]):
+            for member, rows in (ability.get("parameters") or {}).items():
+                yield from ((member, row) for row in _list(rows) if isinstance(row, dict))
+
+
+def _parts_of(tool: JsonObject, artifacts: Artifacts) -> set[str]:
+    rows = (row for _, row in listed_of(tool, artifacts))
+    return {row[key] for row in rows for key in ("name", "channel", "label") if isinstance(row.get(key), str)}
+
+
+def _is_of(name: str, tool: JsonObject, artifacts: Artifacts) -> bool:
+    """Whether a parameter is called like what IDENTIFY lists: `led` of `leds`."""
+    return any(member.removesuffix("s") in tokens(name) for member, _ in listed_of(tool, artifacts))
+
+
+def _strings_of(tool: JsonObject, artifacts: Artifacts) -> Iterator[str]:
+    """What PROBE and IDENTIFY have of a tool's devices, as text."""
+    for artifact in (artifacts.probe, artifacts.identify):
+        for device in (artifact or {}).get("devices", ()):
+            if device["id"] in tool["devices"]:
+                yield str(device)
+
+
 RULES = (
     Rule("INTERFACE-NUMBER-UNBOUNDED", number_unbounded),
     Rule("INTERFACE-ENDLESS", endless),
     Rule("INTERFACE-LIMIT-UNIT", limit_in_another_unit),
     Rule("INTERFACE-RANGE-EMPTY", range_empty),
+    Rule("INTERFACE-CHOICE-UNKNOWN", choice_unknown),
     Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
     Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),
     Rule("INTERFACE-PASSTHROUGH", passthrough),

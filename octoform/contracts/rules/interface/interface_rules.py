@@ -13,16 +13,9 @@ from typing import Any
 from octoform.base.escaping import display, escaped, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
-from octoform.contracts.name_clues import same_action
+from octoform.contracts.name_clues import is_class_word, is_filler, same_action, tokens
 from octoform.contracts.rules import raw_line_rules, stop_rules
-from octoform.contracts.rules.interface import bound_rules
-from octoform.contracts.rules.interface.member_units import (
-    is_measured_name,
-    measured_without_unit,
-    read_nothing,
-    unit_against_name,
-    unit_of_another,
-)
+from octoform.contracts.rules.interface import bound_rules, member_units
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
@@ -47,11 +40,27 @@ _ORDERS = re.compile(
 )
 _OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
 _DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
+_SENDS_AWAY = re.compile(
+    r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
+    r"\b(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?|sends?|shares?|forwards?|e-?mails?|synchroni[sz]es?)\b"
+    r"[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?|e-?mail|mqtt|social media|online|vendor'?s?"
+    r"|remote (?:server|host|service|endpoint|storage))\b",
+    re.IGNORECASE,
+)
+_SPOKEN = (
+    (_ORDERS, "gives orders to anyone who reads it", "quote what a device calls itself, and never obey it"),
+    (_DEMANDS, "demands that another tool is called", "name what to beware of; the caller decides when to call what"),
+    (
+        _SENDS_AWAY,
+        "promises that data leave this host",
+        "its device is attached here: a result goes to the caller alone",
+    ),
+)
 
 
 def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A description is about kinds, names no single unit and no place, and gives the reader no orders."""
-    serials, names = _serials(artifacts), _names(artifacts)
+    serials, names, attached = _serials(artifacts), _names(artifacts), _attached(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
         for where, text in _descriptions(tool, ("tools", index)):
@@ -60,93 +69,19 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"a description of {display(tool['name'])} has {unit or 'a serial number'} in it"
                 hint = "describe the kind of device; which unit it is and where it is are found when a tool is called"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-            elif _states(_ORDERS, text, names):
-                summary = f"a description of {display(tool['name'])} gives orders to anyone who reads it"
-                hint = "describe what the tool does; quote what a device calls itself, and never obey it"
-                out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             elif _OPEN.search(text):
                 summary = f"a description of {display(tool['name'])} is not written yet"
                 hint = "say what the tool does, on which device, and what comes back"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-            elif _states(_DEMANDS, text, names):
-                summary = f"a description of {display(tool['name'])} demands that another tool is called"
-                hint = "describe what to beware of; the caller decides when to call what"
-                out.append(warning("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+            for form, what, hint in _SPOKEN:
+                if _states(form, text, names) and (form is not _SENDS_AWAY or attached.issuperset(tool["devices"])):
+                    summary = f"a description of {display(tool['name'])} {what}"
+                    hint = f"describe what the tool does; {hint}"
+                    out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
     return out
 
 
-def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A reading has members with units; a bare text may have to be parsed by anyone who calls it."""
-    effects, out = effects_of(artifacts), []
-    hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
-    for index, tool in enumerate(value["tools"]):
-        if tool["effect"] != "read" or effects.get(tool["capability"], "read") != "read":
-            continue  # another rule reports the understated effect, which is the cause
-        where = pointer("tools", index, "output_schema")
-        if why := _bare(tool.get("output_schema")):
-            summary = f"the result of {display(tool['name'])} {why}"
-            out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
-        elif _is_text(tool["output_schema"]):
-            summary = f"the result of {display(tool['name'])} is one text"
-            report = error if is_measured_name(tool["capability"]) else warning
-            out.append(report("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
-        else:
-            for place, why in read_nothing(tool["capability"], tool["output_schema"]):
-                summary = f"the result of {display(tool['name'])} {escaped(why)}"
-                at = pointer("tools", index, "output_schema", *place)
-                out.append(error("INTERFACE-RESULT-BARE", summary, pointer=at, hint=hint))
-    return out
-
-
-def _bare(schema: Any) -> str:
-    """The missing part of a schema for a result; empty without one."""
-    if schema is None:
-        return "is not described: there is no output_schema"
-    if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
-        return ""
-    members = schema.get("properties")
-    return "" if isinstance(members, dict) and members else "has no members that are described"
-
-
-def _is_text(schema: Any) -> bool:
-    members = schema.get("properties") if isinstance(schema, dict) else None
-    if not isinstance(members, dict) or len(members) != 1:
-        return False
-    only = next(iter(members.values()))
-    return isinstance(only, dict) and only.get("type") == "string" and "enum" not in only and bool(set(members) & _BARE)
-
-
-def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A member that is a quantity has its unit in its name or description: results are judged by it."""
-    out = []
-    for index, tool in enumerate(value["tools"]):
-        schema = tool.get("output_schema") if tool["effect"] == "read" else None
-        if (unit := unit_of_another(tool["capability"], tool["description"])) is not None:
-            summary = f"the description of {display(tool['name'])} is about {unit}, which is no unit of what it reads"
-            place = pointer("tools", index, "description")
-            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="describe what this tool reads"))
-        for where, name in measured_without_unit(schema):
-            summary = f"the result's {display(name)} of {display(tool['name'])} is a quantity, and no unit is given"
-            hint = f"put the unit into the description of {display(name)} or at the end of its name, or a member "
-            hint += "`unit` beside it; what a device gives without one is called raw"
-            place = pointer("tools", index, "output_schema", *where)
-            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
-        for where, name in unit_against_name(tool.get("output_schema")):
-            member = f"the {display(name)} of {display(tool['name'])}"
-            summary = f"{member} has one unit by its name and another by its words"
-            place = pointer("tools", index, "output_schema", *where)
-            out.append(
-                error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
-            )
-    return out
-
-
-_BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply"})
-TEXT_RULES = (
-    Rule("INTERFACE-DESCRIPTION", description),
-    Rule("INTERFACE-RESULT-BARE", result_bare),
-    Rule("INTERFACE-RESULT-UNIT", result_without_unit),
-)
+TEXT_RULES = (Rule("INTERFACE-DESCRIPTION", description), *member_units.RULES)
 
 
 def _descriptions(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
@@ -271,6 +206,25 @@ def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
+_PRODUCT = re.compile(r"(?mi)^(?:product|manufacturer|vendor|model|maker): (.+)$")
+
+
+def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A name has no word of a product that its capability does not have: other products get the same tool."""
+    strings = {item["id"]: str(item.get("raw_descriptor", "")) for item in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        lines = [line for name in tool["devices"] for line in _PRODUCT.findall(strings.get(name, ""))]
+        words = {word for line in lines for word in re.findall(r"[a-z0-9]+(?!>)\b", line.casefold())}
+        added = set(tokens(tool["name"])) - set(tokens(tool["capability"]))
+        strange = sorted(word for word in added & words if not is_class_word(word) and not is_filler(word))
+        if strange:
+            summary = f"the tool name {display(tool['name'])} has {listed(strange)} of a product in it"
+            hint = f"call it {display(tool['capability'])}; the product belongs into the description"
+            out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=pointer("tools", index, "name"), hint=hint))
+    return out
+
+
 def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """Names differ by more than case and punctuation, which some clients drop."""
     first: dict[str, str] = {}
@@ -320,8 +274,7 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The hints that a client sees agree with the effect; where that is wrong, it is the cause."""
     effects = effects_of(artifacts)
-    probed = (artifacts.probe or {}).get("devices", ())
-    attached = {device["id"] for device in probed if device.get("interface") != "network"}
+    attached = _attached(artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
         effect = tool["effect"]
@@ -342,7 +295,7 @@ def annotations_contradict(value: JsonObject, artifacts: Artifacts) -> list[Diag
                 f"{display(tool['name'])} declares that it reaches beyond this host, and its device is attached to it"
             )
             where = pointer("tools", index, "annotations", "openWorldHint")
-            out.append(warning("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
+            out.append(error("INTERFACE-ANNOTATIONS", summary, pointer=where, hint="write false"))
     return out
 
 
@@ -454,6 +407,7 @@ RULES = (
     Rule("INTERFACE-DUPLICATE-CAPABILITY", duplicate_capability),
     Rule("INTERFACE-DEVICES-DIFFER", devices_differ),
     Rule("INTERFACE-NAME-CLASH", name_clash),
+    Rule("INTERFACE-NAME-PRODUCT", product_in_name),
     Rule("INTERFACE-EFFECT-DIFFERS", effect_differs),
     Rule("INTERFACE-ANNOTATIONS", annotations_contradict),
     Rule("INTERFACE-TOOL-BUDGET", tool_budget),
@@ -485,6 +439,12 @@ def _owners(artifacts: Artifacts) -> dict[str, set[str]]:
         for capability in device["capabilities"]:
             out[capability["name"]].add(device["id"])
     return dict(out)
+
+
+def _attached(artifacts: Artifacts) -> set[str]:
+    """The devices that PROBE found at this host, and not in its network."""
+    probed = (artifacts.probe or {}).get("devices", ())
+    return {device["id"] for device in probed if device.get("interface") != "network"}
 
 
 def _served(value: JsonObject) -> set[str]:

@@ -7,8 +7,12 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.base.escaping import display, escaped
+from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_in, unit_of_name
+from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import tokens
+from octoform.diagnostics import Diagnostic, error, warning
 
 _QUANTITIES = frozenset(
     {"temperature", "temp", "humidity", "pressure", "voltage", "illuminance", "lux", "distance", "altitude"}
@@ -324,3 +328,76 @@ def _names_unit(name: str, member: Mapping[str, Any], around: str) -> bool:
         return True
     spoken = {word for word in re.findall(r"[a-z]+", text.casefold()) if len(word) > 1}
     return bool(spoken & _UNITS - _BESIDE or _SIGNS.search(text) or _LETTER.search(text))
+
+
+def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading has members with units; a bare text may have to be parsed by anyone who calls it."""
+    effects, out = effects_of(artifacts), []
+    hint = 'describe each reading as a member with its unit: {"temperature_celsius": {"type": "number"}}'
+    for index, tool in enumerate(value["tools"]):
+        if tool["effect"] != "read" or effects.get(tool["capability"], "read") != "read":
+            continue  # another rule reports the understated effect, which is the cause
+        where = pointer("tools", index, "output_schema")
+        if why := _bare(tool.get("output_schema")):
+            summary = f"the result of {display(tool['name'])} {why}"
+            out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+        elif _is_text(tool["output_schema"]):
+            summary = f"the result of {display(tool['name'])} is one text"
+            report = error if is_measured_name(tool["capability"]) else warning
+            out.append(report("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
+        else:
+            for place, why in read_nothing(tool["capability"], tool["output_schema"]):
+                summary = f"the result of {display(tool['name'])} {escaped(why)}"
+                at = pointer("tools", index, "output_schema", *place)
+                out.append(error("INTERFACE-RESULT-BARE", summary, pointer=at, hint=hint))
+    return out
+
+
+def _bare(schema: Any) -> str:
+    """The missing part of a schema for a result; empty without one."""
+    if schema is None:
+        return "is not described: there is no output_schema"
+    if not isinstance(schema, dict) or {"$ref", "anyOf", "oneOf", "allOf"} & schema.keys():
+        return ""
+    members = schema.get("properties")
+    return "" if isinstance(members, dict) and members else "has no members that are described"
+
+
+def _is_text(schema: Any) -> bool:
+    members = schema.get("properties") if isinstance(schema, dict) else None
+    if not isinstance(members, dict) or len(members) != 1:
+        return False
+    only = next(iter(members.values()))
+    return isinstance(only, dict) and only.get("type") == "string" and "enum" not in only and bool(set(members) & _BARE)
+
+
+def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A member that is a quantity has its unit in its name or description: results are judged by it."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        schema = tool.get("output_schema") if tool["effect"] == "read" else None
+        if (unit := unit_of_another(tool["capability"], tool["description"])) is not None:
+            summary = f"the description of {display(tool['name'])} is about {unit}, which is no unit of what it reads"
+            place = pointer("tools", index, "description")
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="describe what this tool reads"))
+        for where, name in measured_without_unit(schema):
+            summary = f"the result's {display(name)} of {display(tool['name'])} is a quantity, and no unit is given"
+            hint = f"put the unit into the description of {display(name)} or at the end of its name, or a member "
+            hint += "`unit` beside it; what a device gives without one is called raw"
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
+        for where, name in unit_against_name(tool.get("output_schema")):
+            member = f"the {display(name)} of {display(tool['name'])}"
+            summary = f"{member} has one unit by its name and another by its words"
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(
+                error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
+            )
+    return out
+
+
+_BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply"})
+RULES = (
+    Rule("INTERFACE-RESULT-BARE", result_bare),
+    Rule("INTERFACE-RESULT-UNIT", result_without_unit),
+)

@@ -16,8 +16,9 @@ from jsonschema.exceptions import SchemaError, best_match
 from octoform.base.escaping import display, listed
 from octoform.base.files import parse
 from octoform.base.pointer import pointer, resolve
+from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
-from octoform.contracts.rules.interface.bound_rules import sample_too_long
+from octoform.contracts.rules.interface.bound_rules import listed_of, sample_too_long
 from octoform.contracts.schema_validation import Problem, validator
 from octoform.diagnostics import Diagnostic, error
 
@@ -170,7 +171,52 @@ def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     return out
 
 
+def channel_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading of a chip's channels is in a unit of the quantity that they have by IDENTIFY."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        channels = [row.get("unit") for _, row in listed_of(tool, artifacts)] if tool["effect"] == "read" else []
+        known = {unit_of_text(unit) for unit in channels}
+        given = set(_units_in(tool.get("output_schema")))
+        if not known or not given or None in known | given or set(map(_quantity, known)) & set(map(_quantity, given)):
+            continue
+        summary = f"the result of {display(tool['name'])} is in {_told(given)}, and its channels are in "
+        summary += _told(known)
+        hint = "return what the channels measure; another quantity is another capability, in IDENTIFY first"
+        where = pointer("tools", index, "output_schema")
+        out.append(error("INTERFACE-CHANNEL-UNIT", summary, pointer=where, hint=hint))
+    return out
+
+
+def _told(units: set[str | None]) -> str:
+    return listed(sorted(unit for unit in units if unit is not None))
+
+
+def _quantity(unit: str | None) -> str:
+    """One unit for all of a quantity."""
+    return {"degF": "degC", "K": "degC", "hPa": "kPa"}.get(unit or "", unit or "")
+
+
+def _units_in(schema: Any) -> Iterator[str | None]:
+    """The unit of each number in a result, None where it has none, and those that a member `unit` beside may say."""
+    if isinstance(schema, list):
+        for item in schema:
+            yield from _units_in(item)
+    elif isinstance(schema, dict):
+        members = schema.get("properties")
+        given = {name: item for name, item in members.items() if isinstance(item, dict)} if members else {}
+        beside = given.get("unit", {})
+        yield from (unit_of_text(word) for word in (beside.get("const"), *beside.get("enum", ())) if word is not None)
+        for name, member in given.items():
+            kinds = member.get("type")
+            if "unit" not in given and {"number", "integer"} & {*(kinds if isinstance(kinds, list) else [kinds])}:
+                yield unit_of_name(name) or unit_in(member.get("description"))
+        for item in schema.values():
+            yield from _units_in(item)
+
+
 RULES = (
+    Rule("INTERFACE-CHANNEL-UNIT", channel_unit),
     Rule("INTERFACE-INPUT-SCHEMA", input_schema),
     Rule("INTERFACE-OUTPUT-SCHEMA", output_schema),
     Rule("INTERFACE-UNTYPED-PROPERTY", untyped_property),

@@ -9,11 +9,13 @@ follow the device as well, and no one measured them.
 import ast
 import re
 from collections.abc import Iterable, Iterator
+from typing import Any
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, last
+from octoform.contracts.rules.serve.places import folded
 from octoform.contracts.server_source import Source, walk
 
 Numbers = frozenset[float]
@@ -33,6 +35,23 @@ _BOUND_WORDS = re.compile(
     r"max|min|crit|emergency|hyst|limit|label|alarm|threshold|trip|highest|lowest|bound|range|peak|warn", re.IGNORECASE
 )
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
+_CLIPS = frozenset({"numpy.clip", "np.clip"})
+_MEANS = re.compile(r"(?:statistics|numpy|np)\.(?:fmean|mean|median|average)|mean|fmean|median")
+_OF_COMPUTER = re.compile(
+    r"(?:^|.*/)proc/(?:loadavg|uptime|stat|vmstat|meminfo|schedstat|softirqs|interrupts|swaps|slabinfo|buddyinfo|zoneinfo"
+    r"|timer_list|version|cmdline|pressure/.*|self/.*|\d+/.*|sys/(?:kernel|vm|fs)/.*)"
+)
+"""Files in which the kernel reports of the computer itself (proc(5)), and of no device."""
+_ASKS_COMPUTER = re.compile(
+    r"os\.(?:getloadavg|times|cpu_count|sysconf)|resource\.get\w+"
+    r"|psutil\.(?:cpu_\w+|virtual_memory|swap_memory|getloadavg|pids|boot_time|process_iter|users|net_io_counters)"
+)
+_COMPUTER_WORDS = re.compile(
+    r"(?i)(?<![a-z])(?:load(?:avg)?|uptime|memory|process(?:es)?|interrupts?|swap|entropy|utili[sz]ation|usage|boot|stall)"
+    r"(?![a-z])"
+)
+_DIGESTS = re.compile(r"hash|id|zlib\.(?:crc32|adler32)|binascii\.crc\w+|hashlib\..+")
+_TEXTS = frozenset({"read_text", "read_bytes", "decode", "strip", "rstrip", "readline"})
 
 
 class Chosen:
@@ -123,8 +142,16 @@ def unmeasured(
     source: Source, flow: Flow, given: Given, units: dict[str, str | None], tool: JsonObject
 ) -> Iterator[tuple[str, ast.expr, str, str]]:
     """(member, value, what it is instead, what to do) of each that follows the device and is no measurement of it."""
-    bounds = not _BOUND_WORDS.search(f"{tool['name']} {tool.get('description')}")
+    words = f"{tool['name']} {tool.get('description')}"
+    bounds = not _BOUND_WORDS.search(words)
+    altered = _Altered(source, flow)
     for node, name, each in given:
+        if is_measured(node, name, [units[name]], frozenset()) or units[name] is not None:
+            what, cure = altered.at(each, _declared(tool.get("output_schema"), name), units[name])
+            if what == _COMPUTERS and _COMPUTER_WORDS.search(f"{words} {name}".replace("_", " ")):
+                continue
+            if what:
+                yield name, each, what, cure
         origin = flow.of(each)
         placed = origin & (Origin.FOUND | Origin.DEVICE | Origin.ARGUMENT)
         read = origin & (Origin.READ | Origin.SYSTEM | Origin.COUNTED | Origin.CLOCK)
@@ -238,3 +265,183 @@ def _units_beside(site: ast.AST) -> Iterator[object]:
     for name, value in pairs:
         if name is not None and last_word(name) in ("unit", "units") and isinstance(value, ast.Constant):
             yield value.value
+
+
+_COMPUTERS = "a figure of the computer's kernel"
+_Found = tuple[str, str]
+
+
+class _Altered:
+    """What a reading was made into on its way into a result."""
+
+    def __init__(self, source: Source, flow: Flow) -> None:
+        self._source, self._flow, self._chosen = source, flow, Chosen(source, flow)
+
+    def at(self, node: ast.expr, declared: Numbers | None, unit: str | None) -> _Found:
+        """(what a member is instead of its reading, what to do); empty where it is the reading."""
+        allowed = (declared or frozenset()) | ({0.0, 100.0} if unit == "%" else {0.0})
+        parts = list(self._reached(node))
+        bounds = [each for item, scaled in parts for each in self._bounds(item, scaled)]
+        found = [bound for bound, scaled in bounds if bound not in allowed and not (scaled and declared)]
+        cut = next(iter(found), None)
+        if cut is not None:
+            hint = (
+                "return what was read; where the device ends there, declare it as minimum or maximum in output_schema"
+            )
+            return f"cut off at {cut:g}", hint
+        if self._is_of_computer(node, set()):
+            return _COMPUTERS, "read the device; the load, the memory and the uptime are those of the computer"
+        if any(self._is_mean(item) for item, _ in parts):
+            return "a mean with a number of this file", "return what was read, or a mean of several readings"
+        if any(self._is_digest(item) for item, _ in parts):
+            return "the length or a hash of a string", "convert the string itself: float(text), struct.unpack"
+        return "", ""
+
+    def _reached(self, node: ast.expr) -> Iterator[tuple[ast.expr, bool]]:
+        """(part, whether the value is scaled afterwards) of each expression by way of which a value comes about."""
+        seen, waiting = set[ast.expr](), [(node, False)]
+        while waiting:
+            item, scaled = waiting.pop()
+            if item not in seen:
+                seen.add(item)
+                yield item, scaled
+                waiting += [(each, scaled or isinstance(item, ast.BinOp)) for each in self._steps(item)]
+
+    def _bounds(self, node: ast.expr, scaled: bool) -> Iterator[tuple[float, bool]]:
+        """(bound, whether the value is scaled afterwards) of each constant at which a reading is cut off."""
+        if isinstance(node, ast.Name):
+            yield from self._set_beyond(node, scaled)
+        sides: list[ast.expr] = []
+        if isinstance(node, ast.Call) and (self._name(node) in ("min", "max") or self._name(node) in _CLIPS):
+            sides = list(node.args) if len(node.args) > 1 else []
+        elif isinstance(node, ast.IfExp) and isinstance(node.test, ast.Compare):
+            tested = {ast.unparse(item) for item in (node.test.left, *node.test.comparators)}
+            sides = [node.body, node.orelse] if {ast.unparse(node.body), ast.unparse(node.orelse)} <= tested else []
+        if any(self._is_read(item) for item in sides):
+            numbers = [self._chosen.numbers(item) for item in sides]
+            yield from ((number, scaled) for each in numbers if each is not None for number in each)
+
+    def _set_beyond(self, node: ast.Name, scaled: bool) -> Iterator[tuple[float, bool]]:
+        """``if value > 50: value = 50``"""
+        for value in self._flow.plain(node):
+            above = next((item for item, _ in self._source.above(value) if isinstance(item, ast.If)), None)
+            numbers = self._chosen.numbers(value) or frozenset()
+            tests = [item for item in walk(above.test) if isinstance(item, ast.Compare)] if above is not None else []
+            for test in tests:
+                sides = (test.left, *test.comparators)
+                own = any(isinstance(item, ast.Name) and item.id == node.id for item in sides)
+                if own and any(self._chosen.numbers(item) == numbers for item in sides):
+                    yield from ((number, scaled) for number in numbers)
+
+    def _steps(self, node: ast.expr) -> list[ast.expr]:
+        """The parts of an expression that are in its value, and not what divides it."""
+        if isinstance(node, ast.Name):
+            return [item for item in self._flow.plain(node) if isinstance(item, ast.expr)]
+        if isinstance(node, ast.BinOp):
+            return [node.left] if isinstance(node.op, ast.Div | ast.FloorDiv | ast.Mod) else [node.left, node.right]
+        if isinstance(node, ast.IfExp):
+            return [node.body, node.orelse]
+        if isinstance(node, ast.Call) and (self._name(node) in _PASSES or self._name(node) in _CLIPS):
+            return list(node.args)
+        return [node.operand] if isinstance(node, ast.UnaryOp) else []
+
+    def _name(self, node: ast.Call) -> str:
+        return self._source.dotted(node.func)
+
+    def _is_read(self, node: ast.AST) -> bool:
+        return bool(self._flow.of(node) & (Origin.READ | Origin.SYSTEM))
+
+    def _is_of_computer(self, node: ast.AST, seen: set[ast.AST]) -> bool:
+        """Whether what the kernel reports of the computer goes into a value, by way of functions of the file too."""
+        if node in seen:
+            return False
+        seen.add(node)
+        for item in walk(node):
+            text = folded(self._source, self._flow, item) if isinstance(item, ast.Constant | ast.BinOp) else None
+            if text is not None and _OF_COMPUTER.fullmatch(text):
+                return True
+            if isinstance(item, ast.Call) and _ASKS_COMPUTER.fullmatch(self._name(item)):
+                return True
+            if any(self._is_of_computer(each, seen) for each in self._behind(item)):
+                return True
+        return False
+
+    def _behind(self, node: ast.AST) -> list[ast.AST]:
+        """What a name stands for, a file that was opened too, or a call of a function of the file returns."""
+        if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
+            reaching = self._flow.bindings.reaching(node)[0]
+            opened = [each.value for each in reaching if each.whole and isinstance(each.node, ast.With)]
+            return [*self._flow.plain(node), *opened]
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            own = [each for each in self._source.functions if each.name == node.func.id]
+            return [*self._flow.results(own[0])] if len(own) == 1 else []
+        return []
+
+    def _is_mean(self, node: ast.expr) -> bool:
+        """Whether a reading is taken together with a number of the file, as a mean or half the sum of a kernel's."""
+        if isinstance(node, ast.Call) and node.args and _MEANS.fullmatch(self._name(node)):
+            return self._mixes(self._rows(node.args[0]), 0)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Div):
+            count = self._chosen.numbers(node.right)
+            terms = self._terms(node.left)
+            inputs = any(text.endswith("_input") for text in _texts(self._flow, node.left))
+            own = inputs and len(terms) > 1 and count == frozenset({float(len(terms))})
+            return own and self._mixes(terms, len(terms))
+        return False
+
+    def _mixes(self, terms: list[ast.expr], least: float) -> bool:
+        """Whether some terms were read, and another is a number of the file that is no rounding."""
+        numbers = [self._chosen.numbers(item) or frozenset() for item in terms]
+        made_up = any(abs(number) > least for each in numbers for number in each)
+        return made_up and any(self._is_read(item) for item in terms)
+
+    def _rows(self, node: ast.expr) -> list[ast.expr]:
+        values = self._flow.plain(node) if isinstance(node, ast.Name) else [node]
+        return [item for each in values if isinstance(each, ast.List | ast.Tuple) for item in each.elts]
+
+    def _terms(self, node: ast.expr, depth: int = _DEPTH) -> list[ast.expr]:
+        """The terms of a sum."""
+        if depth == 0:
+            return [node]
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
+            return [*self._terms(node.left, depth - 1), *self._terms(node.right, depth - 1)]
+        if isinstance(node, ast.Call) and self._name(node) == "sum" and len(node.args) == 1:
+            return self._rows(node.args[0])
+        values = self._flow.plain(node) if isinstance(node, ast.Name) else []
+        sums = [item for item in values if isinstance(item, ast.BinOp) and isinstance(item.op, ast.Add)]
+        return self._terms(sums[0], depth - 1) if len(values) == len(sums) == 1 else [node]
+
+    def _is_digest(self, node: ast.expr) -> bool:
+        """Whether a value is the length, the hash or the check sum of a string that was read."""
+        if isinstance(node, ast.Call) and len(node.args) == 1 and self._is_read(node.args[0]):
+            name = self._name(node)
+            if _DIGESTS.fullmatch(name) or (name == "len" and self._is_text(node.args[0])):
+                return True
+        if isinstance(node, ast.Call) and self._name(node) == "int.from_bytes" and node.args:
+            parts = [item for item in walk(node.args[0]) if isinstance(item, ast.Call)]
+            return any(_DIGESTS.fullmatch(self._name(item)) for item in parts)
+        return False
+
+    def _is_text(self, node: ast.expr, depth: int = 4) -> bool:
+        if isinstance(node, ast.Name):
+            values = self._flow.plain(node) if depth else []
+            return bool(values) and all(
+                isinstance(item, ast.expr) and self._is_text(item, depth - 1) for item in values
+            )
+        return isinstance(node, ast.Call) and (last(node.func) in _TEXTS or self._name(node) == "str")
+
+
+def _declared(schema: Any, name: str) -> Numbers | None:
+    """The bounds that INTERFACE declares of a member, at any depth, and the numbers in its description."""
+    found: set[float] = set()
+    if isinstance(schema, list):
+        found = {number for item in schema for number in _declared(item, name) or ()}
+    elif isinstance(schema, dict):
+        members = schema.get("properties")
+        member = members.get(name) if isinstance(members, dict) else None
+        for form in (member, *member.get("anyOf", ())) if isinstance(member, dict) else ():
+            sides = [form.get(side) for side in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")]
+            found |= {float(side) for side in sides if isinstance(side, int | float)}
+            found |= {float(text) for text in re.findall(r"-?\d+(?:\.\d+)?", str(form.get("description", "")))}
+        found |= {number for item in schema.values() for number in _declared(item, name) or ()}
+    return frozenset(found) or None

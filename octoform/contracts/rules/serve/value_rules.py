@@ -46,10 +46,10 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     hint = "let the error pass, raise ToolError with what failed, or return None where output_schema allows null"
     served = list(served_tools(source, artifacts))
     used = {function for site, _ in served for function in source.entered_from(tool_functions(source, site))}
-    read = {name: unit for _, tool in served for name, unit in _numbers(tool.get("output_schema") or {})}
+    read = {name: unit for _, tool in served for name, unit in numbers_read(tool.get("output_schema") or {})}
     kept, substitutes, out = Kept(source, flow), _Substitutes(source, flow), []
     for node in (each for each in source.nodes if source.owner(each) in used):
-        for name, each in _stored(source).get(node, ()):
+        for name, each in stored_members(source).get(node, ()):
             if name in read and kept.holds(each) and is_measured(node, name, [read[name]], frozenset()):
                 why = f"a {display(name)} of an earlier call replaces a reading"
                 out.append(source.problem("SERVE-DEFAULT-READING", each, why, _AGAIN))
@@ -62,11 +62,11 @@ def constant_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """No number that INTERFACE declares as read is written in the file, computed of such, or drawn."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
-    stored = [(node, name, each) for node, members in _stored(source).items() for name, each in members]
+    stored = [(node, name, each) for node, members in stored_members(source).items() for name, each in members]
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         roots = tool_functions(source, site)
-        units = dict(_numbers(tool.get("output_schema") or {}))
+        units = dict(numbers_read(tool.get("output_schema") or {}))
         found = Origin.NONE
         for function in roots:
             found |= flow.returned(function)
@@ -127,11 +127,11 @@ def _chosen(
 RULES = (Rule("SERVE-DEFAULT-READING", default_reading), Rule("SERVE-CONSTANT-READING", constant_reading))
 
 
-def _numbers(schema: Any) -> Iterator[tuple[str, str | None]]:
+def numbers_read(schema: Any) -> Iterator[tuple[str, str | None]]:
     """(member, unit) of what is a number in a result and no fact known beforehand."""
     if isinstance(schema, list):
         for item in schema:
-            yield from _numbers(item)
+            yield from numbers_read(item)
     elif isinstance(schema, dict):
         members = schema.get("properties")
         for name, member in members.items() if isinstance(members, dict) else ():
@@ -141,11 +141,11 @@ def _numbers(schema: Any) -> Iterator[tuple[str, str | None]]:
                 if kinds & {"number", "integer"} and not _STATIC.search(name.casefold()):
                     yield name, unit_of_name(name) or unit_in(member.get("description"))
         for item in schema.values():
-            yield from _numbers(item)
+            yield from numbers_read(item)
 
 
 @lru_cache(maxsize=4)
-def _stored(source: Source) -> dict[ast.AST, list[tuple[str, ast.expr]]]:
+def stored_members(source: Source) -> dict[ast.AST, list[tuple[str, ast.expr]]]:
     """The members of each record of a file, by the node that makes or changes it."""
     kinds = (ast.Call, ast.Dict, ast.Assign)
     return {node: list(_members(source, node)) for node in source.nodes if isinstance(node, kinds)}

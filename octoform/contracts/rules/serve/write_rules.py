@@ -222,10 +222,10 @@ def _sets_nothing(source: Source, tool: JsonObject, functions: list[Function]) -
     stored = (item for function in used for item in walk(function) if isinstance(item, ast.Attribute | ast.Subscript))
     if not any(source.asking(item) for item in used) or any(isinstance(item.ctx, ast.Store) for item in stored):
         return False
-    return all(_only_reads(source, call, name) for call, name in source.calls if source.owner(call) in used)
+    return all(only_reads(source, call, name) for call, name in source.calls if source.owner(call) in used)
 
 
-def _only_reads(source: Source, call: ast.Call, name: str) -> bool:
+def only_reads(source: Source, call: ast.Call, name: str) -> bool:
     """Whether a call certainly changes nothing, or enters a function of the file, which is looked at itself."""
     own = {item.name for item in (*source.functions, *source.classes)}
     root = base(call.func)
@@ -243,7 +243,7 @@ def _only_reads(source: Source, call: ast.Call, name: str) -> bool:
 def _may_act(source: Source, node: ast.Try) -> bool:
     calls = [item for part in node.body for item in walk(part) if isinstance(item, ast.Call)]
     own = {item.name for item in source.functions}
-    return any(last(call.func) in own or not _only_reads(source, call, source.dotted(call.func)) for call in calls)
+    return any(last(call.func) in own or not only_reads(source, call, source.dotted(call.func)) for call in calls)
 
 
 def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
