@@ -451,7 +451,7 @@ def _belongs(written: str, read: set[str], words: str) -> bool:
 
 
 def _turned(setting: _Setting, read: list[tuple[Member, _Setting]]) -> Findings:
-    """A write that falls where the argument grows, of an attribute whose readings grow with it, or in the opposite sense."""
+    """A write that falls where the argument grows, of an attribute whose readings grow with it, or the opposite."""
     for call, names, each in setting.writes:
         way = setting.direction(each, None)
         for name in sorted(setting.arguments(each)) if way else ():
