@@ -25,7 +25,7 @@ from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import Origin, last
 from octoform.contracts.rules.serve.places import constants
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
-from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions, tool_sites
+from octoform.contracts.rules.serve.tool_rules import ToolSite, readings_of, served_tools, tool_functions, tool_sites
 from octoform.contracts.rules.serve.value_rules import numbers_read, stored_members
 from octoform.contracts.rules.serve.write_rules import only_reads
 from octoform.contracts.server_source import Function, Source, needed_source, read_source, walk
@@ -88,6 +88,8 @@ _ASKED_FOR = frozenset(
     | {"set", "written", "given", "planned", "expected", "seconds", "duration", "time", "waited", "previous", "before"}
 )
 """Words of members that tell what was asked for, and not what the device has."""
+_CHOOSES = frozenset({"line", "chip", "pin", "port", "channel", "index", "unit", "joint", "motor", "slot", "number"})
+"""Words of arguments that choose a part of a device."""
 _PROMISED = re.compile(
     r"(?i)\bread(?:s|ing)?[\w ]{0,20} back\b|\bread-?back\b|\bthat the \w+ (?:now )?(?:reports?|has)\b|\bas reported\b"
     r"|\bactual(?:ly)?\b"
@@ -100,9 +102,7 @@ _OPPOSITE = frozenset(
     | {"attenuation", "reduction", "remaining", "left", "transparency", "shade", "opposite", "duty", "below"}
 )
 """Words of an argument that is large where what it sets is small."""
-_GOALS = re.compile(
-    r"target|goal|setpoint|request|demand|command|limit|threshold|max|min|crit|alarm|trip", re.IGNORECASE
-)
+_GOALS = re.compile(r"(?i)target|goal|setpoint|request|demand|command|limit|threshold|max|min|crit|alarm|trip")
 _MEASURED = re.compile(r"actual_\w+|\w+_(?:input|average)")
 """Attributes in which the kernel shows what it measured, and in which nothing can be set."""
 _COMMON = frozenset({"raw", "input", "value", "state", "max", "min", "enable", "power", "mode", "cur", "percent", "in"})
@@ -188,11 +188,12 @@ class _Setting:
         """The caller's arguments of which a number is made."""
         return {item.id for item in self.leaves(node) if isinstance(item, ast.Name) and self.is_given(item)}
 
-    def echoes(self, record: ast.AST, node: ast.expr) -> bool:
-        """Whether a number is made of the caller's, and of nothing that was read once it had been written."""
+    def echoes(self, record: ast.AST, node: ast.expr, choosing: set[str]) -> bool:
+        """Whether a number is made of the caller's, and of nothing read after the write; what only chooses is none."""
         leaves = list(self.leaves(node))
         owner = self._source.owner(record)
-        if not any(map(self.is_given, leaves)) or owner is None or not (self.writes or self.acts):
+        given = {name for name in self.arguments(node) - choosing if not _CHOOSES & set(tokens(name))}
+        if not given or owner is None or not (self.writes or self.acts):
             return False
         acting = [*(call for call, _, _ in self.writes), *self.acts, *self._entering(owner)]
         first = min((call.lineno for call in acting if self._source.owner(call) is owner), default=0)
@@ -312,9 +313,12 @@ class _Setting:
         """A write that is omitted where the device is already near what was asked for, without any error."""
         hint = "write it at every call, or fail with a sentence where it cannot be written"
         held = {call for call, _, _ in self.writes if any(self._is_near(test) for test in self._silent(call))}
-        owner = self._source.owner
         for call, names, _ in self.writes:
-            beside = [each for each, others, _ in self.writes if names & others and owner(each) is owner(call)]
+            beside = [
+                each
+                for each, others, _ in self.writes
+                if names & others and self._source.owner(each) is self._source.owner(call)
+            ]
             if held.issuperset(beside):
                 yield call, "writes only where the change is large, and answers as if it had", hint
 
@@ -373,12 +377,6 @@ def _numbers(tool: JsonObject) -> dict[str, str | None]:
     return dict(numbers_read(tool.get("output_schema") or {}))
 
 
-def _readings_of(tool: JsonObject, artifacts: Artifacts) -> list[JsonObject]:
-    """The tools that read one of the devices that a tool sets."""
-    tools = (artifacts.interface or {"tools": []})["tools"]
-    return [item for item in tools if item["effect"] == "read" and set(item["devices"]) & set(tool["devices"])]
-
-
 def set_echoed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """What a tool that sets something returns was read after it, where the device can be read, and is not repeated."""
     source = needed_source(value)
@@ -389,11 +387,13 @@ def set_echoed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] == "read":
             continue
         setting = _setting(source, flow, tuple(tool_functions(source, site)))
-        known = {name for other in _readings_of(tool, artifacts) for name in _numbers(other)}
+        others = readings_of(tool, artifacts)
+        known = {name for other in others for name in _numbers(other)}
+        choosing = {name for other in others for name in other["input_schema"].get("properties") or ()}
         promised = bool(_PROMISED.search(tool["description"]))
         for record, name, each in setting.members(tool):
             told = promised or name in known
-            if told and not _ASKED_FOR & set(tokens(name)) and setting.echoes(record, each):
+            if told and not _ASKED_FOR & set(tokens(name)) and setting.echoes(record, each, choosing):
                 summary = f"the {display(name)} that {display(site.name or '')} returns is what its caller asked for"
                 out.setdefault(each, source.problem(ECHOED, each, summary, hint))
     return list(out.values())
@@ -408,7 +408,7 @@ def sets_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         if tool["effect"] == "read" or "units" in tool:
             continue
         setting = _setting(source, flow, tuple(tool_functions(source, site)))
-        others = [item for item in served_tools(source, artifacts) if item[1] in _readings_of(tool, artifacts)]
+        others = [item for item in served_tools(source, artifacts) if item[1] in readings_of(tool, artifacts)]
         read = [(each, setting) for each in setting.members(tool)]
         for where, other in others:
             asked = _setting(source, flow, tuple(tool_functions(source, where)))

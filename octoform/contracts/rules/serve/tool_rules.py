@@ -172,6 +172,12 @@ def served_tools(source: Source, artifacts: Artifacts) -> Iterator[tuple[ToolSit
             yield site, tools[site.name]
 
 
+def readings_of(tool: JsonObject, artifacts: Artifacts) -> list[JsonObject]:
+    """The tools that read one of the devices that a tool sets."""
+    tools = (artifacts.interface or {"tools": []})["tools"]
+    return [item for item in tools if item["effect"] == "read" and set(item["devices"]) & set(tool["devices"])]
+
+
 def tool_functions(source: Source, site: ToolSite) -> list[Function]:
     """The functions that a call of the tool runs first: the registered one, or those that the registration names."""
     named = {item.id for item in walk(site.node) if isinstance(item, ast.Name)}
