@@ -156,19 +156,23 @@ class ForkServer:
         self._loaded: bool | None = None
         self._waits = threading.Lock()
         self._orders, its = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with its:
+            self._process = self._begun(python, purpose, its)
+
+    @staticmethod
+    def _begun(python: Path, purpose: Purpose, orders: socket.socket) -> "subprocess.Popen[bytes]":
         # Several projects may have the environment, each by a link of its own that goes with the project.
         folder = python.parents[1].resolve()
-        with its:
-            self._process = subprocess.Popen(
-                [str(folder / "bin" / python.name), "-I", str(SCRIPT), str(its.fileno()), purpose],
-                cwd=folder,
-                env=serving_environment(),
-                pass_fds=[its.fileno()],
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=subprocess.DEVNULL,
-                start_new_session=True,
-            )
+        return subprocess.Popen(
+            [str(folder / "bin" / python.name), "-I", str(SCRIPT), str(orders.fileno()), purpose],
+            cwd=folder,
+            env=serving_environment(),
+            pass_fds=[orders.fileno()],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
 
     def loaded(self, timeout: float) -> bool:
         """Wait until it has loaded; False when it ended before, or did not load within ``timeout`` seconds."""

@@ -29,6 +29,7 @@ from pathlib import Path
 
 import lasting_fork_server
 import worker_forks
+from shared_fork_servers import SharedForkServer
 
 import octoform
 from octoform.base import processes
@@ -270,6 +271,9 @@ def _fork_server(python: Path) -> ForkServer:
     first, its = _COPIED.get(files, (None, python))
     if first is not None and first._lives() and its.exists():
         ForkServer._kept.setdefault(ForkServer._key(python), first)
+    key = ForkServer._key(python)
+    if key not in ForkServer._kept or not ForkServer._kept[key]._lives():
+        ForkServer._kept[key] = SharedForkServer(python)
     server = ForkServer.at(python)
     _COPIED[files] = server, its if server is first else python
     return server
