@@ -16,6 +16,7 @@ from fastmcp import Client
 from fastmcp.client.transports import StdioTransport, StreamableHttpTransport
 from warm import Loaded
 
+from octoform.diagnostics import Diagnostic
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import Running, running
@@ -108,11 +109,16 @@ class Launched:
         start_stop.stop(self.layout)
 
     def start(self) -> None:
-        """Start it (again), as a fork of a process that has loaded what it imports."""
-        with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(start_stop, "_Detached", Loaded)
-            process, problem = start_stop.start(self.layout)
+        """Start it (again)."""
+        process, problem = start(self.layout)
         assert process is not None, problem
+
+
+def start(layout: Layout, seconds: float = start_stop.START_SECONDS) -> tuple[Running | None, Diagnostic | None]:
+    """`start_stop.start`, whose process is a fork of one that has loaded what it imports."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(start_stop, "_Detached", Loaded)
+        return start_stop.start(layout, seconds)
 
 
 def write(folder: Path, source: str, service: Service, environ: Mapping[str, str] | None = None) -> Layout:

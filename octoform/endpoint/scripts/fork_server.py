@@ -139,6 +139,8 @@ def become(order: dict[str, object], answers: socket.socket, streams: list[int])
         status = 0
     except SystemExit as left:
         status = left.code if isinstance(left.code, int) else int(left.code is not None)
+        if isinstance(left.code, str):
+            print(left.code, file=sys.stderr)
     except BaseException:  # noqa: BLE001 - the end of a program: what is raised goes to stderr
         traceback.print_exc()
     finally:

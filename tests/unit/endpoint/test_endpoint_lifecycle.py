@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 from endings import record_running
-from launched import Launched, launched, tool, write
+from launched import Launched, launched, start, tool, write
 from launched import policy_of as policy
 from raw_mcp import request
 
@@ -191,7 +191,7 @@ def test_a_start_waits_for_an_owner_that_is_ending(bench: Launched) -> None:
     owner = Owner.take(bench.layout.run)
     assert owner is not None
     with ThreadPoolExecutor(1) as pool:
-        starting = pool.submit(start_stop.start, bench.layout)
+        starting = pool.submit(start, bench.layout)
         end = time.monotonic() + 20
         while "another process serves" not in bench.printed():
             assert time.monotonic() < end
@@ -217,7 +217,7 @@ def test_an_innocent_process_is_never_signalled(tmp_path: Path) -> None:
 
 def test_the_reason_of_a_failed_start_is_told(tmp_path: Path) -> None:
     layout = write(tmp_path, "raise SystemExit('the board is on fire')\n", Service(TOOLS, policy(TOOLS)))
-    process, problem = start_stop.start(layout, 20)
+    process, problem = start(layout, 20)
     assert process is None and problem is not None
     assert problem.code == "ENDPOINT-START-FAILED"
     assert "the board is on fire" in str(problem.detail)
