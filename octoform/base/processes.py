@@ -29,6 +29,8 @@ PROC = Path("/proc")
 _LIMIT_LINE = b"Max file locks"
 _MAX_BYTES = 1 << 20
 """Read of an environment, which may be larger (execve(2)): the limit is there too."""
+_PIECE = 1 << 15
+"""Read at once: nearly every file of /proc is smaller, and room for a large one is new memory for each."""
 
 
 def new(digits: int = 32) -> str:
@@ -60,7 +62,8 @@ def bears(pid: int, mark: str, variable: str) -> bool:
     number = _number(mark)
     if number is not None and _limit(pid) == number:
         return True
-    return f"{variable}={mark}".encode() in _read(pid, "environ").split(b"\0")
+    sought, environ = f"{variable}={mark}".encode(), _read(pid, "environ")
+    return sought in environ and sought in environ.split(b"\0")
 
 
 def _number(mark: str) -> int | None:
@@ -69,7 +72,18 @@ def _number(mark: str) -> int | None:
 
 
 def _limit(pid: int) -> int | None:
-    """The hard limit in /proc/<pid>/limits (proc(5)); None where there is none, or the process is gone."""
+    """Its hard limit; None where there is none, or the process is gone."""
+    try:
+        hard = resource.prlimit(pid, _LIMIT)[1]
+    except ProcessLookupError:
+        return None
+    except (OSError, AttributeError):  # another user's, of which prlimit(2) says nothing, and proc(5) does
+        return _limit_shown(pid)
+    return None if hard == resource.RLIM_INFINITY else hard
+
+
+def _limit_shown(pid: int) -> int | None:
+    """The same from /proc/<pid>/limits."""
     for line in _read(pid, "limits").splitlines():
         if line.startswith(_LIMIT_LINE):
             hard = line[len(_LIMIT_LINE) :].split()[1]
@@ -89,7 +103,7 @@ def _whole(proc: Path, pid: int, name: str) -> bytes:
     descriptor = os.open(f"{proc}/{pid}/{name}", os.O_RDONLY | os.O_CLOEXEC)
     try:
         found = b""
-        while len(found) < _MAX_BYTES and (piece := os.read(descriptor, _MAX_BYTES - len(found))):
+        while len(found) < _MAX_BYTES and (piece := os.read(descriptor, min(_PIECE, _MAX_BYTES - len(found)))):
             found += piece
         return found
     finally:

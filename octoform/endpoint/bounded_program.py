@@ -325,11 +325,11 @@ def clear(mark: str, variable: str = MARK, *, spared: Collection[int] = ()) -> i
 def marked(mark: str, variable: str = MARK) -> list[int]:
     """Live processes that bear the mark; empty where there is no /proc."""
     try:
-        entries = list(Path("/proc").iterdir())
+        with os.scandir("/proc") as entries:
+            names = [entry.name for entry in entries if entry.name.isdigit()]
     except OSError:
         return []
-    pids = (int(entry.name) for entry in entries if entry.name.isdigit())
-    return [pid for pid in pids if processes.bears(pid, mark, variable)]
+    return [int(name) for name in names if processes.bears(int(name), mark, variable)]
 
 
 def _head(file: IO[bytes]) -> str:

@@ -14,6 +14,12 @@ from octoform.base import processes
 from octoform.base.processes import is_alive, process_stat, signal_group, signal_one, start_of
 
 SLEEPS = [sys.executable, "-c", "import time; time.sleep(60)"]
+LOOKS_AS_NOBODY = """
+import os, sys
+from octoform.base.processes import bears
+os.setgroups([]), os.setgid(65534), os.setuid(65534)
+sys.exit([bears(int(sys.argv[1]), mark, "NONE") for mark in sys.argv[2:]] != [True, False])
+"""
 
 
 def test_a_process_is_known_by_its_start_and_parent() -> None:
@@ -56,6 +62,18 @@ def test_a_process_lives_until_it_ends_and_a_zombie_does_not() -> None:
         assert not is_alive(child.pid, start), "its id is still its own, and it is over"
         assert not signal_one(child.pid, start)
     assert processes.command_line(child.pid) == ()
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root becomes another user")
+def test_the_mark_on_another_users_process_is_seen() -> None:
+    mark = processes.new()
+    with subprocess.Popen(SLEEPS) as other:
+        try:
+            assert processes.put_on(mark, other.pid)
+            looking = [sys.executable, "-c", LOOKS_AS_NOBODY, str(other.pid), mark, processes.new()]
+            assert subprocess.run(looking).returncode == 0
+        finally:
+            other.kill()
 
 
 def test_another_process_with_the_same_id_is_never_signalled() -> None:
