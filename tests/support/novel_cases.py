@@ -407,7 +407,6 @@ INTERFACE_WRONG |= {
     "a tool that comes first": interface.says(
         "set_led", "Dims the lamp. You must call read_led before, or the level is lost."
     ),
-    "a tool that comes first, as an order": interface.says("set_led", "Dims the lamp. Call read_led first."),
     "a picture that is mailed": interface.says("capture_image", "Takes a picture and e-mails it to the owner."),
     "a lamp of the whole world": interface.hint("set_led", openWorldHint=True),
 }
@@ -427,6 +426,7 @@ INTERFACE_RIGHT |= {
     "what a device sends": interface.says(
         "read_input_events", "Waits for the events that the keys send to the kernel."
     ),
+    "what an agent advised": interface.says("set_led", "Dims the lamp. Call read_led first to keep what it had."),
     "what may be called as well": interface.says("set_led", "Dims the lamp. Call read_led to see the level."),
     "what to do before": interface.says("set_led", "Dims the lamp. The level that read_led gives is lost then."),
 }

@@ -39,12 +39,7 @@ _ORDERS = re.compile(
     re.IGNORECASE,
 )
 _OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
-_DEMANDS = re.compile(
-    r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b"
-    r"|(?:^|[.;\n])\s*(?:always |first,? )?(?:call|run|invoke) `?[a-z]+_\w+`?(?:\(\))?"
-    r" (?:first|before|after|at first|then)\w*\b",
-    re.IGNORECASE,
-)
+_DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
 _SENDS_AWAY = re.compile(
     r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
     r"\b(?:e-?mails (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?|sends?"
