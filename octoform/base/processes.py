@@ -77,7 +77,7 @@ def _limit(pid: int) -> int | None:
         hard = resource.prlimit(pid, _LIMIT)[1]
     except ProcessLookupError:
         return None
-    except (OSError, AttributeError):  # another user's, of which prlimit(2) says nothing, and proc(5) does
+    except (OSError, AttributeError):  # another user's, whose limits prlimit(2) refuses, and proc(5) shows
         return _limit_shown(pid)
     return None if hard == resource.RLIM_INFINITY else hard
 
