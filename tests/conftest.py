@@ -12,7 +12,7 @@ from pathlib import Path
 
 import lasting_fork_server
 import pytest
-from endings import end_endpoints
+from endings import end_endpoints, may_have_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
 from projects import Project
@@ -163,7 +163,7 @@ def no_endpoint_is_left(request: pytest.FixtureRequest) -> Iterator[None]:
     """What a test's apply left running ends with the test."""
     folder = request.getfixturevalue("tmp_path") if "tmp_path" in request.fixturenames else None
     yield
-    if folder is not None:
+    if folder is not None and may_have_endpoints(folder):
         end_endpoints(folder)
 
 

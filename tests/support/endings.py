@@ -9,6 +9,9 @@ from pathlib import Path
 
 PROGRAM = b"endpoint/serve.py"
 FORKED = b"fork_server.py"
+LOOKED_INTO = 20
+"""Folders: to look into so many takes about half as long as to look at all processes."""
+PROJECT = ".octoform"
 SLEEP = ["sleep", "86400"]
 _sleeping: list["subprocess.Popen[bytes]"] = []
 
@@ -23,6 +26,20 @@ def end_endpoints(folder: Path) -> None:
                 os.kill(int(name), signal.SIGKILL)
             except ProcessLookupError:
                 continue
+
+
+def may_have_endpoints(folder: Path) -> bool:
+    """False if it has no project below; large trees are not looked through."""
+    folders = [str(folder)]
+    for place in folders:
+        if len(folders) > LOOKED_INTO:
+            return True
+        with os.scandir(place) as entries:
+            below = [entry for entry in entries if entry.is_dir(follow_symlinks=False)]
+        if any(entry.name == PROJECT for entry in below):
+            return True
+        folders += [entry.path for entry in below]
+    return False
 
 
 def _serves_below(folder: Path, process: str) -> bool:
