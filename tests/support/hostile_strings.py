@@ -63,7 +63,7 @@ SLOTS = (
 """Where text of a device stands in the invented laptop; the value is what follows the last of these marks."""
 
 
-TOGETHER = 5
+TOGETHER = 10
 LAPTOPS = -(-len(STRINGS) // TOGETHER)
 
 
