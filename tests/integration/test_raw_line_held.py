@@ -11,12 +11,13 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from held import refusals
+from held import probed, refusals
 from projects import Project
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.probe.stage import probe_root
+from octoform.contracts.model import Artifacts
 from octoform.simulation.rig import Rig, load
 
 pytestmark = pytest.mark.dear
@@ -188,13 +189,14 @@ WRITTEN = [
 def test_what_is_called_a_reading_and_says_that_it_moves_is_refused(tmp_path: Path, bench: Bench) -> None:
     good = bench.identified(ANGLES)
     changes = [lambda value, one=one: value.update(found(value, [one])) for one, _ in SAID]
-    errors = refusals(tmp_path, bench.host, "identify", {"probe": bench.probe}, good, [*changes, lambda _: None])[1]
+    known, right = probed(bench.host, bench.probe), lambda _: None
+    errors = refusals(tmp_path, bench.host, "identify", {"probe": bench.probe}, good, [*changes, right], known=known)[1]
     for (_, code), each in zip(SAID, errors, strict=True):
         assert code in each or "IDENTIFY-EFFECT-UNDERSTATED" in each, each
     assert sum("octoform profile new" in json.dumps(each) for each in errors) >= len(SAID) // 2
 
 
-def test_a_tool_and_a_server_say_no_more(tmp_path: Path, bench: Bench) -> None:
+def test_a_tool_and_a_server_say_no_more(tmp_path: Path, bench: Bench, packaged: Callable[..., Path]) -> None:
     earlier: dict[str, Any] = {"probe": bench.probe, "identify": bench.identified(ANGLES)}
     angle = {"type": "number", "minimum": 0, "maximum": 9, "description": "where the joint is"}
     given = {"type": "object", "properties": {"angle": angle}, "additionalProperties": False}
@@ -207,7 +209,10 @@ def test_a_tool_and_a_server_say_no_more(tmp_path: Path, bench: Bench) -> None:
         lambda value: value["tools"].pop(0),
     ]
     right = lambda value: None  # noqa: E731
-    _, errors = refusals(tmp_path / "1", bench.host, "interface", earlier, bench.interface(), [*changes, right])
+    known = Artifacts(**earlier)
+    _, errors = refusals(
+        tmp_path / "1", bench.host, "interface", earlier, bench.interface(), [*changes, right], known=lambda _: known
+    )
     codes = ["INTERFACE-READ-MOVES", "INTERFACE-READ-MOVES", "INTERFACE-EFFECT-DIFFERS"]
     for code, each in zip(codes, errors, strict=False):
         assert code in each or "INTERFACE-EFFECT-UNDERSTATED" in each, each
@@ -215,7 +220,10 @@ def test_a_tool_and_a_server_say_no_more(tmp_path: Path, bench: Bench) -> None:
     earlier["interface"] = bench.interface()
     edits: list[Any] = [lambda text, one=one: text.replace("#WRITE#", one) for one in WRITTEN]
     edits.append(lambda text: text.replace("#WRITE#", 'port.write(b"*IDN?\\n")'))
-    _, errors = refusals(tmp_path / "2", bench.host, "serve", earlier, SERVER, edits)
+    served = Artifacts(**earlier)
+    _, errors = refusals(
+        tmp_path / "2", bench.host, "serve", earlier, SERVER, edits, packaged("pyserial"), lambda _: served
+    )
     assert len(errors) == len(WRITTEN) and all("SERVE-LINE-WRITTEN" in each for each in errors), errors
 
 
