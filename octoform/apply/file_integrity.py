@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.apply.project_files import MAX_TOLD, at_start, is_entry, listed, listing, names_in
+from octoform.apply.project_files import MAX_TOLD, Gaps, above, at_start, inside, is_entry, listed, listing, names_in
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
@@ -110,47 +110,32 @@ class Watch:
 def begin(project: Path, wanted: Guarded) -> Watch:
     """Remember what is guarded, and the sizes and times of the rest of the project."""
     folders = tuple(wanted.folders)
-    guarded = {path: _look(path) for path in (*wanted.files, *folders)}
+    gaps = Gaps()
+    guarded = {path: None if gaps.have(path) else _look(path) for path in (*wanted.files, *folders)}
     within: set[Path] = set()
-    for folder in folders:
+    for folder in (folder for folder in folders if guarded[folder] is not None):
         entries, places = _below(folder)
         guarded |= {path: _look(path) for path in entries}
         within.update(places)
-    above = _above(guarded)
-    real = frozenset(place for place in {*_in(project, above), *within} if _is_folder(place))
+    over = above(guarded)
+    real = frozenset(place for place in {*inside(project, over), *within} if _is_folder(place))
     rooms = {room: names_in(room) for room in wanted.rooms}
     starts = {room: names_in(room, at_start) for room in wanted.starts}
     home = (wanted.home, names_in(wanted.home)) if wanted.home else None
     seen, busy = listing(project), wanted.spared()
-    noted = {path: _look(path) for top in wanted.noted for path in (top, *_below(top)[0])}
+    below = ((top, () if gaps.have(top) else _below(top)[0]) for top in wanted.noted)
+    noted = {path: _look(path) for top, entries in below for path in (top, *entries)}
     held = _held((project, *sorted(place for place in real if place.parent == project)))
-    ways = _ways(project, wanted, above | _above(rooms))
-    rights = _rights({project, *real, *(_in(wanted.home, above) if wanted.home else ())})
+    ways = _ways(project, wanted, over | above(rooms), gaps)
+    rights = _rights({project, *real, *(inside(wanted.home, over) if wanted.home else ())})
     kept = (wanted.installed, busy, wanted.spared, starts, noted, ways, held, rights)
     return Watch(project, guarded, real, folders, rooms, home, seen, *kept)
 
 
-def _ways(project: Path, wanted: Guarded, above: set[Path]) -> frozenset[Path]:
-    """The places ``above``, there or not, that are no links; not those above a project or a home."""
+def _ways(project: Path, wanted: Guarded, places: set[Path], gaps: Gaps) -> frozenset[Path]:
+    """Those of the places, there or not, that are no links; not those above a project or a home."""
     passed = {*project.parents, *((wanted.home, *wanted.home.parents) if wanted.home else ())}
-    return frozenset(place for place in above - passed if not place.is_symlink())
-
-
-def _in(folder: Path, places: Iterable[Path]) -> list[Path]:
-    """Those of the places that are the folder, or lie in it."""
-    start = f"{folder}/".replace("//", "/")
-    return [place for place in places if f"{place}/".startswith(start)]
-
-
-def _above(paths: Iterable[Path]) -> set[Path]:
-    """Every folder above the paths, each taken once: many files share few folders."""
-    found: set[Path] = set()
-    for path in paths:
-        folder = path.parent
-        while folder not in found:
-            found.add(folder)
-            folder = folder.parent
-    return found
+    return frozenset(place for place in places - passed if gaps.have(place) or not place.is_symlink())
 
 
 def _is_folder(place: Path) -> bool:
@@ -191,16 +176,24 @@ def end(watch: Watch, undone: Path) -> list[Diagnostic]:
     """
     watch = replace(watch, busy=(*watch.busy, *watch.spared()))
     # First what closes the way to the rest; once more for the folders that were put back.
-    found = [*_reopened(watch), *_moved_back(watch, undone), *_reopened(watch), *_unlinked(watch, undone)]
+    found = [*_reopened(watch), *_moved_back(watch, undone), *_reopened(watch)]
+    gaps = Gaps()
+    found += _unlinked(watch, undone, gaps)
     for path, before in watch.guarded.items():
-        if _look(path) != before:
+        if _is_other(path, before, gaps):
             with _undoing(watch, path, found):
                 found += _undone(watch, path, before, undone)
+            gaps.forget()
     for folder in watch.folders:
         found += _new(watch, folder, undone)
     found += _entered(watch, undone)
     found += _strangers(watch, undone)
     return found
+
+
+def _is_other(path: Path, before: _There | None, gaps: Gaps) -> bool:
+    """Whether something else is at a path than before."""
+    return not (before is None and gaps.have(path)) and _look(path) != before
 
 
 def _undone(watch: Watch, path: Path, before: _There | None, undone: Path) -> list[Diagnostic]:
@@ -261,10 +254,10 @@ def _moved_back(watch: Watch, undone: Path) -> list[Diagnostic]:
     return found
 
 
-def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
+def _unlinked(watch: Watch, undone: Path, gaps: Gaps) -> list[Diagnostic]:
     """Take away each link that has come into a place that leads to a guarded path, which would then lie elsewhere."""
     found: list[Diagnostic] = []
-    for place in sorted(place for place in watch.ways if _may_be_link(place)):
+    for place in sorted(place for place in watch.ways if not gaps.have(place) and _may_be_link(place)):
         with _undoing(watch, place, found):
             if place.is_symlink() and not _is_spared(watch, place):
                 kept = _keep(watch, place, undone)
@@ -272,6 +265,7 @@ def _unlinked(watch: Watch, undone: Path) -> list[Diagnostic]:
                 if place in watch.real:
                     place.mkdir()
                 found.append(_touched(watch, place, kept))
+            gaps.forget()
     return found
 
 
@@ -411,13 +405,15 @@ def _lost(watch: Watch, path: Path, detail: str) -> Diagnostic:
 def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
     now = listing(watch.project)
     new = (path for path, facts in now.items() if watch.seen.get(path) != facts and not path.is_relative_to(undone))
-    changed = [path for path, before in watch.noted.items() if _look(path) != before]
-    changed += [path for top in watch.noted if top.is_dir() for path in _below(top)[0] if path not in watch.noted]
+    gaps = Gaps()
+    changed = [path for path, before in watch.noted.items() if _is_other(path, before, gaps)]
+    tops = (top for top in watch.noted if not gaps.have(top) and top.is_dir())
+    changed += [path for top in tops for path in _below(top)[0] if path not in watch.noted]
     changed += sorted(path for path in new if path not in watch.guarded)
     if watch.home is not None:
         folder, names = watch.home
         come = [folder / name for name in sorted(names_in(folder) - names)]
-        ours = {watch.project, *watch.guarded, *_above((watch.project, *watch.guarded))} if come else set()
+        ours = {watch.project, *watch.guarded, *above((watch.project, *watch.guarded))} if come else set()
         changed += [path for path in come if path not in ours]
     hint = "check if it is yours; an agent that runs in a sandbox cannot write there"
     summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"

@@ -6,7 +6,8 @@ there: a person or a program may be at work in it.
 
 import os
 import stat
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import lru_cache
 from itertools import chain, islice
 from pathlib import Path
 
@@ -22,6 +23,41 @@ _SKIPPED = frozenset((".git", ".octoform", "node_modules"))
 """Folders that other programs fill all the time."""
 _MARKS = ("pyvenv.cfg", "CACHEDIR.TAG")
 """Files that say of a folder that a program made it and may make it again: an environment, a cache."""
+
+
+class Gaps:
+    """The folders that are not there, each looked for once: nothing is at a path below one of them.
+
+    Most of the guarded paths are where a program would look for instructions, had the person that program.
+    """
+
+    def __init__(self) -> None:
+        self._known = {"": False}
+
+    def have(self, path: Path) -> bool:
+        """Whether a folder above the path is not there."""
+        return self._are_above(str(path))
+
+    def forget(self) -> None:
+        """Look again: folders may have been made."""
+        self._known = {"": False}
+
+    def _are_above(self, name: str) -> bool:
+        folder = name.rpartition("/")[0]
+        known = self._known.get(folder)
+        if known is None:
+            known = self._known[folder] = self._are_above(folder) or _is_nothing(folder)
+        return known
+
+
+def _is_nothing(place: str) -> bool:
+    try:
+        os.stat(place)  # noqa: PTH116 - for hundreds of names, which need be no paths
+    except (FileNotFoundError, NotADirectoryError):
+        return True
+    except OSError:  # closed to this user
+        return False
+    return False
 
 
 def listing(project: Path) -> dict[Path, tuple[int, int]]:
@@ -111,3 +147,26 @@ def led_to(path: Path, whole: tuple[Path, ...]) -> Iterator[Path]:
 def _is_large(folder: Path) -> bool:
     entries = (name for _, folders, names in files.walk(folder) for name in (*folders, *names))
     return next(islice(entries, _MAX_LINKED, None), None) is not None
+
+
+def inside(folder: Path, places: Iterable[Path]) -> list[Path]:
+    """Those of the places that are the folder, or lie in it."""
+    start = f"{folder}/".replace("//", "/")
+    return [place for place in places if f"{place}/".startswith(start)]
+
+
+def above(paths: Iterable[Path]) -> set[Path]:
+    """Every folder above the paths, each taken once: many files share few folders."""
+    found: set[str] = set()
+    for name in map(str, paths):
+        folder = name.rpartition("/")[0]
+        while folder not in found:
+            found.add(folder)
+            folder = folder.rpartition("/")[0]
+    return {_folder(name or "/") for name in found}
+
+
+@lru_cache(1024)
+def _folder(name: str) -> Path:
+    """They are the same at each attempt, and to make them takes long."""
+    return Path(name)

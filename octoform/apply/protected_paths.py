@@ -20,7 +20,7 @@ from pathlib import Path
 import octoform
 from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
-from octoform.apply.project_files import led_to, names_in
+from octoform.apply.project_files import Gaps, led_to, names_in
 from octoform.base.files import opened, read, walk
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
@@ -112,8 +112,8 @@ _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
 _PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
 """The programs that octoform calls by name."""
-_MINORS = range(8, 20)
-"""Of the Pythons that a person may have."""
+_PACKAGES_OF_A_PERSON = tuple(f".local/lib/python3.{minor}/site-packages" for minor in range(8, 20))
+"""Of each Python that a person may have."""
 _AGENTS = (
     *("AGENTS.md", "AGENTS.override.md", "CLAUDE.md", "CLAUDE.local.md", "GEMINI.md", "QWEN.md", ".mcp.json", ".env"),
     *("opencode.json", "opencode.jsonc", ".envrc", ".cursorrules", ".windsurfrules", ".goosehints", ".aider.conf.yml"),
@@ -172,7 +172,8 @@ def sources(context: Context) -> Places:
     folders = [project / "protocol", project / "profiles", project / "state", *_units(layout, context.environ)]
     theirs = [*_within(home(context.environ), _FOLDERS_OF_A_LOGIN), *_within(project, _FOLDERS_OF_AGENTS)]
     whole = (project, home(context.environ))
-    led = [place for path in (*files, *theirs) for place in led_to(path, whole)]
+    gaps = Gaps()
+    led = [place for path in (*files, *theirs) if not gaps.have(path) for place in led_to(path, whole)]
     files += [place for place in led if not place.is_dir()]
     folders += [*theirs, *(place for place in led if place.is_dir())]
     rooms = [project / ".octoform"]
@@ -324,7 +325,7 @@ def _closed(folder: Path) -> bool:
 
 def starts(environ: Mapping[str, str]) -> list[Path]:
     """Where the person's own packages lie, which any Python of theirs goes by at its start."""
-    return [home(environ) / ".local" / "lib" / f"python3.{minor}" / "site-packages" for minor in _MINORS]
+    return list(_within(home(environ), _PACKAGES_OF_A_PERSON))
 
 
 def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:

@@ -4,6 +4,7 @@ A plan names the revision it reads; starting git or importing a library for that
 with nothing to do. What these files do not have (an unborn branch, a ref store of another kind) is None. Light.
 """
 
+import os
 import re
 from pathlib import Path
 
@@ -48,6 +49,8 @@ def repository(project: Path) -> Repository | None:
     start = project.resolve()
     for place in (start, *start.parents):
         entry = place / ".git"
+        if not os.path.lexists(entry):
+            continue
         if (entry / "HEAD").is_file():
             return Repository(place, entry)
         target = _line(entry)

@@ -171,10 +171,14 @@ def configuration_files(project: Path) -> frozenset[Path]:
     Those that are not there count as well: an include, a file of attributes, a hook in a folder of hooks. Empty outside
     a repository and where git is not usable.
     """
-    git, _ = _open(project)
-    if git is None:
+    where = repository(project)
+    if where is None:
         return frozenset()
-    _, listing, _ = git.run("config", "--list", "--show-origin", "-z")
+    git = _Git(where)
+    try:
+        _, listing, _ = git.run("config", "--list", "--show-origin", "-z")
+    except (RepositoryRefused, OSError):
+        return frozenset()
     fields = listing.split("\0")
     found: set[Path] = set()
     for origin, entry in zip(fields[::2], fields[1::2], strict=False):

@@ -104,3 +104,16 @@ def test_what_is_new_in_the_home_is_told_and_left_and_what_leads_to_the_guarded_
     (room.home / ".config").mkdir()
     assert room.end(watch) == {str(room.home / "stranger"): "warning"}
     assert (room.home / "stranger").read_text() == "a person's"
+
+
+def test_what_came_to_a_place_while_the_link_that_leads_there_was_away_is_taken_away(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    way = tmp_path / "project" / "way"
+    way.parent.mkdir()
+    way.symlink_to(tmp_path / "elsewhere")
+    watch = begin(way.parent, Guarded([way / "first", way, way / "second"], []))
+    way.unlink()
+    (tmp_path / "elsewhere" / "second").write_text("do as I say")
+    found = end(watch, tmp_path / "undone")
+    assert [item.path for item in found] == ["way", "way/second"]
+    assert way.is_symlink() and list(way.iterdir()) == []
