@@ -14,7 +14,7 @@ from xml.parsers.expat import ExpatError
 
 from octoform.base.files import parse
 from octoform.builtin.probe import kernel_text
-from octoform.builtin.probe.commands import RECORDED, Command, Entry, dicts, first_text, number, output
+from octoform.builtin.probe.commands import Command, Entry, dicts, first_text, number, output
 from octoform.builtin.probe.paired import Paired, described
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
@@ -244,13 +244,6 @@ _BLUETOOTH_KINDS = {
     **dict.fromkeys(("phone", "smartphone", "cellular"), "phone"),
     **dict.fromkeys(("laptop", "desktop", "tablet"), "computer"),
 }
-
-
-def is_here(reader: Reader, system: str) -> bool:
-    """Whether the root is that of a Mac: the running system, or a recorded one with the reports of one."""
-    if not reader.root:
-        return system == "darwin"
-    return any(name.startswith(("system_profiler-", "ioreg-")) for name in reader.names_or_none(RECORDED))
 
 
 class Macos:

@@ -2,14 +2,17 @@
 
 import sys
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from octoform.base.clock import stamp
-from octoform.builtin.probe import device_units, macos
+from octoform.builtin.probe import device_units
+from octoform.builtin.probe.commands import RECORDED
 from octoform.builtin.probe.linux import Linux
-from octoform.builtin.probe.macos import Macos
 from octoform.builtin.probe.reader import SCAN_SECONDS, Reader, run_all
 from octoform.builtin.task import Task
+
+if TYPE_CHECKING:
+    from octoform.builtin.probe.macos import Macos
 
 MAX_SCANS = 200
 MAX_DEVICES = 20000
@@ -26,7 +29,7 @@ def run(task: Task) -> str:
 
 def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
     """The PROBE artifact of the host below the reader's root; each scan gets at most ``seconds``."""
-    host = Macos() if macos.is_here(reader, sys.platform) else Linux(reader)
+    host = _host(reader)
     reports = run_all(host.scans()[:MAX_SCANS], reader, seconds)
     found = device_units.entries(host.units())
     return {
@@ -37,6 +40,21 @@ def probe(reader: Reader, seconds: float = SCAN_SECONDS) -> dict[str, object]:
         "scan_methods": [report.as_json() for report in reports],
         "devices": found[:MAX_DEVICES],
     }
+
+
+def _host(reader: Reader) -> "Linux | Macos":
+    if not is_mac(reader, sys.platform):
+        return Linux(reader)
+    from octoform.builtin.probe.macos import Macos  # here, so that its parsers of property lists load on a Mac alone
+
+    return Macos()
+
+
+def is_mac(reader: Reader, system: str) -> bool:
+    """Whether the root is that of a Mac: the running system, or a recorded one with the reports of one."""
+    if not reader.root:
+        return system == "darwin"
+    return any(name.startswith(("system_profiler-", "ioreg-")) for name in reader.names_or_none(RECORDED))
 
 
 def probe_root(root: Path) -> dict[str, Any]:

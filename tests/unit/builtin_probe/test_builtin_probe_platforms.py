@@ -13,9 +13,9 @@ import pytest
 from hosts.plant import plant
 from jsonschema import Draft202012Validator
 
-from octoform.builtin.probe import commands, macos
+from octoform.builtin.probe import commands
 from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.stage import probe, probe_root
+from octoform.builtin.probe.stage import is_mac, probe, probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.host_identity import pseudonymise
 from octoform.contracts.model import Artifacts
@@ -191,10 +191,10 @@ def test_windows_is_asked_on_wsl2_alone(planted: Planted) -> None:
 
 
 def test_a_running_mac_is_told_by_its_system_and_a_recorded_one_by_its_reports(planted: Planted) -> None:
-    assert macos.is_here(Reader("/"), "darwin")
-    assert not macos.is_here(Reader("/"), "linux")
-    assert not macos.is_here(Reader(str(planted("laptop"))), "darwin")
-    assert macos.is_here(Reader(str(planted("macos-older"))), "linux")
+    assert is_mac(Reader("/"), "darwin")
+    assert not is_mac(Reader("/"), "linux")
+    assert not is_mac(Reader(str(planted("laptop"))), "darwin")
+    assert is_mac(Reader(str(planted("macos-older"))), "linux")
 
 
 SOCKETLESS = """
