@@ -26,6 +26,8 @@ one repeats). A behaviour is ``good`` (write the good artifact beside this file)
 Every call is one line in SCRIPT.log, so that a test can count them.
 """
 
+from __future__ import annotations
+
 import json
 import os
 import shutil
@@ -34,7 +36,10 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+
+TYPE_CHECKING = False  # not that of `typing`, which takes a tenth of what a run does
+if TYPE_CHECKING:
+    from typing import Any
 
 GOOD = Path(__file__).parent / "good"
 NAMES = {"serve": "server.py"}
