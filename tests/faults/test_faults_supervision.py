@@ -265,7 +265,7 @@ def test_what_a_tool_starts_without_any_variable_ends(hiding: tuple[Project, Pat
         project.run("call", "read_temperature", "-start", status=0)
         left = pids(place)[-1]
         assert is_alive(left)
-        if end[0] == "destroy":
-            project.take_environments(compiled)  # what it removes is its own
+        if end[0] == "apply":
+            project.take_environments(compiled)  # what it builds again, and what is removed after it, is its own
         project.run(*end, status=0)
         until(lambda pid=left: not is_alive(pid))  # type: ignore[misc]

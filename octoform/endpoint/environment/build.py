@@ -83,7 +83,9 @@ def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnosti
     """Build from nothing; the reason when it did not work."""
     path = environment.path
     shutil.rmtree(path, ignore_errors=True)
-    arguments = ["--quiet", "--no-project", "--no-python-downloads", "--python", sys.executable, str(path)]
+    # An endpoint that still runs from it may write its bytecode there meanwhile.
+    options = ["--quiet", "--allow-existing", "--no-project", "--no-python-downloads"]
+    arguments = [*options, "--python", sys.executable, str(path)]
     try:
         made = packages(["venv", *arguments], path.parent, 60.0)
         if made.status != 0:

@@ -1,5 +1,6 @@
 """Locks and environments, built from tiny packages without any index."""
 
+import shutil
 from pathlib import Path
 from threading import Thread
 
@@ -162,6 +163,24 @@ def test_an_environment_that_is_not_trusted_is_made_anew(layout: Layout, wheelho
     again, problems = build(layout, lock, again=True)
     assert (again, problems) == (environment, ())
     assert not (environment.path / "rubbish").exists()
+
+
+def test_bytecode_that_a_running_endpoint_writes_meanwhile_is_no_obstacle(
+    layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    wheelhouse.add("alpha", "1.0")
+    lock = locked(layout, "alpha==1.0")
+    place = built(layout, lock).path
+    remove = shutil.rmtree
+
+    def removed(path: Path, ignore_errors: bool = False) -> None:
+        remove(path, ignore_errors=ignore_errors)
+        if path == place:
+            (place / "bytecode").mkdir(parents=True)
+
+    monkeypatch.setattr(shutil, "rmtree", removed)
+    environment, problems = build(layout, lock, again=True)
+    assert environment is not None and at(place) is not None, problems
 
 
 def test_a_build_that_was_cut_off_is_made_anew(layout: Layout, wheelhouse: Wheelhouse) -> None:
