@@ -9,7 +9,7 @@ import io
 import json
 import re
 import tokenize
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -107,21 +107,10 @@ def test_no_schema_says_a_word_that_is_gone() -> None:
     assert {name: lines for name, lines in found.items() if lines} == {}
 
 
-def test_no_message_says_a_word_that_is_gone() -> None:
+@pytest.mark.parametrize("read", [sentences, remarks], ids=["messages", "docstrings and comments"])
+def test_no_text_of_the_package_has_a_word_that_is_gone(read: Callable[[str], Iterator[str]]) -> None:
     found = {
-        path.relative_to(PACKAGE).as_posix(): [
-            line for line in sentences(path.read_text()) if RETIRED.search(prose(line))
-        ]
-        for path in sorted(PACKAGE.rglob("*.py"))
-    }
-    assert {name: lines for name, lines in found.items() if lines} == {}
-
-
-def test_no_docstring_or_comment_says_a_word_that_is_gone() -> None:
-    found = {
-        path.relative_to(PACKAGE).as_posix(): [
-            line for line in remarks(path.read_text()) if RETIRED.search(prose(line))
-        ]
+        path.relative_to(PACKAGE).as_posix(): [line for line in read(path.read_text()) if RETIRED.search(prose(line))]
         for path in sorted(PACKAGE.rglob("*.py"))
     }
     assert {name: lines for name, lines in found.items() if lines} == {}
