@@ -34,7 +34,7 @@ from octoform.state.model import NodeState, Status
 # What became of the tools when INTERFACE was made again: a new name for the same is reported as such, not as a loss.
 
 STAGE = "interface"
-MAX_RETURNS = 3
+MAX_RENAMED = 3
 
 
 def renamed(context: Context, stage: str, value: Any) -> str:
@@ -47,8 +47,8 @@ def renamed(context: Context, stage: str, value: Any) -> str:
         return ""
     found = [item for item in changes(_tools(before), _tools(value)) if item.action is Action.UPDATE]
     lines = [f", {item.name} was {item.text.removeprefix('renamed from ')}" for item in found]
-    more = f" and {len(lines) - MAX_RETURNS} more renamed" if len(lines) > MAX_RETURNS else ""
-    return "".join(lines[:MAX_RETURNS]) + more
+    more = f" and {len(lines) - MAX_RENAMED} more renamed" if len(lines) > MAX_RENAMED else ""
+    return "".join(lines[:MAX_RENAMED]) + more
 
 
 def _tools(interface: Mapping[str, Any]) -> Iterable[Tool]:

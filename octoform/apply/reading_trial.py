@@ -20,7 +20,7 @@ from octoform.records import dataclass
 POLL_SECONDS = 0.1
 STEADY_PART = 0.1
 """Two readings that differ by less than this part of the least movement are the same place."""
-MAX_WORDS = 600
+MAX_CHARACTERS = 600
 Trial = Mapping[str, Any]
 
 
@@ -69,7 +69,7 @@ class Tried:
 
     def blame(self, code: str, summary: str, where: str, detail: str | None = None, hint: str | None = None) -> None:
         """Add a finding; words of a device in it are shown, never obeyed."""
-        shown = escaped(detail[:MAX_WORDS]) if detail else None
+        shown = escaped(detail[:MAX_CHARACTERS]) if detail else None
         self.found.append(error(code, summary, pointer=where, detail=shown, hint=hint))
 
     def warn(self, code: str, summary: str, where: str, hint: str) -> None:
@@ -212,7 +212,7 @@ class _ByReading(Mover):
         if problem is not None:
             text = f"not all is known to be restored after the hardware test of {tried.unit}: {problem}"
             hint = "see what it means for the device, and set it by hand"
-            shown = escaped(restoring.words[:MAX_WORDS]) or None
+            shown = escaped(restoring.words[:MAX_CHARACTERS]) or None
             tried.found.append(
                 warning("STEP-NOT-RESTORED", text, pointer=f"{self.where}/restore", detail=shown, hint=hint)
             )
@@ -232,7 +232,7 @@ class _ByReading(Mover):
         if isinstance(value, bool) or not isinstance(value, int | float):
             text = f"the result of {reading['tool']} has no number at {reading['value'] or 'its top'}"
             hint = f"the result has: {', '.join(answer.value)}" if answer.value else "the result is empty"
-            self.tried.blame("STEP-NO-READING", text, f"{self.where}/read/value", hint=escaped(hint[:MAX_WORDS]))
+            self.tried.blame("STEP-NO-READING", text, f"{self.where}/read/value", hint=escaped(hint[:MAX_CHARACTERS]))
             return None
         self.tried.readings.append((round(self.now, 2), float(value)))
         return float(value)

@@ -149,7 +149,8 @@ def _lay_bytecode(folder: Path) -> None:
     never links: what is changed in the endpoint's folder changes nothing of the installation. A start compiles what
     cannot be laid here.
     """
-    with suppress(OSError):
+    # The others are what damaged bytecode of the installation raises (marshal).
+    with suppress(OSError, EOFError, ValueError, TypeError):
         for name, source in program_paths().items():
             SourceFileLoader(name, str(source)).get_code(name)  # which writes it where it is missing or outdated
             cached, time = Path(cache_from_source(str(source))), source.stat().st_mtime_ns
@@ -236,7 +237,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
     if environ.get("OCTOFORM_SYSROOT"):
         variables["OCTOFORM_SYSROOT"] = environ["OCTOFORM_SYSROOT"]
     runtime = {f"{layout.runtime.name}/{name}": digest for name, digest in files_below(layout.runtime).items()}
-    lines = ("name", "effect", "devices", "annotations", "output_schema")
+    published = ("name", "effect", "devices", "annotations", "output_schema")
     return {
         "format": 2,
         "octoform": octoform.__version__,
@@ -245,7 +246,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "transport": "stdio",
         "command": client_command(layout),
         "environment": variables,
-        "tools": [{key: tool[key] for key in lines if key in tool} for tool in service.tools],
+        "tools": [{key: tool[key] for key in published if key in tool} for tool in service.tools],
         "devices": [dict(device) for device in service.devices],
         "server": {"path": str(server), "digest": of_bytes(read(server)), "runtime": runtime},
         "paths": {"run": str(layout.run), "log": str(layout.logs)},

@@ -35,7 +35,7 @@ LOGS = FULL | {Cause.LOG, Cause.PROCESS}
 ANSWERS = FULL | {Cause.PING, Cause.PROCESS, Cause.FILES}
 PLACES = "cursors.json"
 _LIMIT = 64 * 1024
-_MAX_WORDS = 200
+_MAX_CHARACTERS = 200
 
 
 @dataclass(slots=True)
@@ -190,7 +190,7 @@ def busy(layout: Layout) -> str | None:
         return None
     except OSError:
         pass  # a process that cannot be identified counts as alive
-    return escaped(holder.operation[:_MAX_WORDS])
+    return escaped(holder.operation[:_MAX_CHARACTERS])
 
 
 def _destroyed(layout: Layout) -> bool:

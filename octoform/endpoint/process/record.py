@@ -105,7 +105,7 @@ def _read(record: dict[str, Any]) -> Running:
 # also after a reboot.
 
 _LIMIT = 64 * 1024
-_MAX_WORDS = 200
+_MAX_CHARACTERS = 200
 HINT = "octoform start starts it; a client whose command has -start may, too"
 
 
@@ -148,7 +148,7 @@ def read(layout: Layout) -> Stop | None:
     data, _ = read_regular(layout.stop_mark, _LIMIT)
     try:
         document = parse(data or b"")
-        return Stop(*(escaped(str(text)[:_MAX_WORDS]) for text in (document["by"], document.get("at", ""))))
+        return Stop(*(escaped(str(text)[:_MAX_CHARACTERS]) for text in (document["by"], document.get("at", ""))))
     except (ValueError, LookupError, TypeError, AttributeError):
         return Stop()
 

@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from typing import Any
 
@@ -111,6 +112,17 @@ def test_a_start_compiles_nothing_of_the_published_program(layout: Layout, servi
     edited = program / "server" / "main.py"
     edited.write_text(edited.read_text() + "raise SystemExit(7)\n")
     assert launched(layout).returncode == 7
+
+
+def test_damaged_bytecode_of_the_installation_hinders_no_endpoint(
+    layout: Layout, serving: Environment, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def damaged(self: SourceFileLoader, name: str) -> None:
+        raise EOFError("marshal data too short")
+
+    monkeypatch.setattr(SourceFileLoader, "get_code", damaged)
+    publish(layout, serving)
+    assert launched(layout).returncode == 0
 
 
 def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: Environment) -> None:
