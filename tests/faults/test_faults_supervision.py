@@ -183,6 +183,7 @@ def test_in_the_sandbox_nobody_finds_the_supervisor_and_nothing_is_left(host: Ho
     done = host.run(["/usr/bin/python3", "-I", "-S", "-c", code], CONFINED, seconds=SECONDS)
     assert time.monotonic() - began < 2 * SECONDS + 4
     assert "its supervisor" not in done["outcome"]["detail"]
+    assert planted(host).exists(), done
     assert stands(planted(host))
 
 
