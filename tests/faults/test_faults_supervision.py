@@ -58,6 +58,7 @@ ATTACKS = {
     "killed": "os.kill(os.getppid(), signal.SIGKILL); time.sleep(60)",
     "killed and its own group too": "os.kill(os.getppid(), signal.SIGKILL); os.killpg(0, signal.SIGKILL)",
     "stopped": "os.kill(os.getppid(), signal.SIGSTOP); time.sleep(60)",
+    "stopped by tracing it": "import ctypes; ctypes.CDLL(None).ptrace(16, os.getppid(), 0, 0); time.sleep(60)",
     "stopped by a hidden one": """
 if os.fork() == 0:
     os.setsid()
