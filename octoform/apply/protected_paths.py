@@ -12,6 +12,7 @@ import subprocess
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import takewhile
@@ -97,20 +98,17 @@ _NOTED_OF_A_LOGIN = (
 """Settings that name programs, and that the programs of a person write themselves: reported, and left."""
 _NOTED_OF_THE_MACHINE = (
     *("/etc/crontab", "/etc/cron.d", "/etc/cron.hourly", "/etc/cron.daily", "/etc/cron.weekly", "/var/spool/cron"),
-    *(
-        "/etc/profile",
-        "/etc/profile.d",
-        "/etc/bash.bashrc",
-        "/etc/environment",
-        "/etc/ld.so.preload",
-        "/etc/ld.so.conf.d",
-    ),
+    *("/etc/profile", "/etc/profile.d", "/etc/bash.bashrc", "/etc/environment"),
+    *("/etc/ld.so.preload", "/etc/ld.so.conf.d"),
     *("/etc/systemd/system", "/etc/systemd/user", "/etc/udev/rules.d", "/etc/sudoers", "/etc/sudoers.d"),
 )
 """What root's agent could leave to be run; packages that are being installed change it as well: reported, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
-_PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3")
+_PROGRAMS = (
+    *("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3"),
+    *("crontab", "atq"),
+)
 """The programs that octoform calls by name."""
 _PACKAGES_OF_A_PERSON = tuple(f".local/lib/python3.{minor}/site-packages" for minor in range(8, 20))
 """Of each Python that a person may have."""
@@ -344,6 +342,12 @@ def _shared(folder: Path) -> Path:
         return folder
 
 
+SCHEDULERS = {
+    "crontab": ("crontab", "-l"),
+    "list of `at` jobs": ("atq",),
+    "list of transient units": ("systemctl", "--user", "list-units", "--all", "--plain", "--no-legend", "run-*"),
+}
+"""The lists of what services of the system run for a person, outside of any attempt, and what shows each."""
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""
 
@@ -353,7 +357,7 @@ class Guard:
     """The protected paths when the agent began. ``daemon`` shows which daemon was there last; None while one lives.
 
     ``specs`` are those that come with octoform, ``installation`` identifies one installation of it.
-    ``crontab`` lists what is run for the person by the clock, ``scheduled`` is what that was.
+    ``scheduled`` lists what the services of the system run for the person, ``schedules`` is what that was.
     """
 
     watch: file_integrity.Watch
@@ -362,8 +366,8 @@ class Guard:
     revision: str | None
     specs: frozenset[Path]
     installation: object
-    crontab: Callable[[], bytes]
-    scheduled: bytes
+    scheduled: Callable[[], Mapping[str, bytes]]
+    schedules: Mapping[str, bytes]
 
     def end(self, undone: Path) -> list[Diagnostic]:
         """Put back what was changed and say so; an empty list when the attempt kept to its folder.
@@ -383,11 +387,11 @@ class Guard:
         return [*file_integrity.end(watch, undone), *self._moved(), *self._rescheduled()]
 
     def _rescheduled(self) -> list[Diagnostic]:
-        """The file of an ordinary user's crontab is closed to them, so only its program can read it."""
-        if self.crontab() == self.scheduled:
-            return []
-        summary = "your crontab was changed while the agent ran; it was left as it is"
-        return [warning("APPLY-OUTSIDE-WRITE", summary, hint="`crontab -l` shows it; check if it is yours")]
+        """A job may be a person's, so it is reported and stays."""
+        changed = [name for name, jobs in self.scheduled().items() if jobs != self.schedules[name]]
+        texts = [f"your {name} changed while the agent ran; octoform left it as it is" for name in changed]
+        hints = [f"`{' '.join(SCHEDULERS[name])}` shows it; check if that is yours" for name in changed]
+        return [warning("APPLY-OUTSIDE-WRITE", text, hint=hint) for text, hint in zip(texts, hints, strict=True)]
 
     def _moved(self) -> list[Diagnostic]:
         """A commit may be a person's, who would lose it: it is reported and stays."""
@@ -412,20 +416,22 @@ def begin(context: Context, task: Task) -> Guard:
     folders = [*read.folders, layout.committed, *records(layout)]
     sign = _daemon(layout)
     watch = _begun(context, [*files, *layout.memory()], folders, read.rooms)
-    crontab = partial(_crontab, context.environ)
+    scheduled = partial(_scheduled, context.environ)
     revision = head_revision(layout.project)
-    return Guard(watch, layout, sign, revision, _installed(context), _installation(), crontab, crontab())
+    return Guard(watch, layout, sign, revision, _installed(context), _installation(), scheduled, scheduled())
 
 
-def _crontab(environ: Mapping[str, str]) -> bytes:
-    """The user's crontab; empty where there is none, or no cron."""
-    program = shutil.which("crontab", path=environ.get("PATH"))
-    if program is None:
-        return b""
-    try:
-        return subprocess.run([program, "-l"], stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
-    except (OSError, subprocess.TimeoutExpired):
-        return b""
+def _scheduled(environ: Mapping[str, str]) -> dict[str, bytes]:
+    """The person's jobs by the name of their list; nothing in a list whose program is absent or does not answer.
+
+    Their files are closed to an ordinary user, so only those programs can read them.
+    """
+    found = dict.fromkeys(SCHEDULERS, b"")
+    for name, (command, *options) in SCHEDULERS.items():
+        argv = [shutil.which(command, path=environ.get("PATH")) or "", *options]
+        with suppress(OSError, subprocess.TimeoutExpired):
+            found[name] = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
+    return found
 
 
 def of_sources(context: Context) -> file_integrity.Watch:

@@ -328,6 +328,10 @@ def test_a_program_that_an_agent_leaves_in_a_relative_folder_of_path_is_never_ca
 CRONTAB = """#!/bin/sh
 if [ "$1" = -l ]; then cat "$HOME/tab" 2>/dev/null; else cat > "$HOME/tab"; fi
 """
+LISTED = """#!/bin/sh
+cat "$HOME/${0##*/}.jobs" 2>/dev/null
+"""
+"""An `atq` and a `systemctl` that list what stands in a file."""
 
 
 TODO = ".git/rebase-merge/git-rebase-todo"
@@ -343,7 +347,8 @@ ALONE = {
     # crontab is read by its program, since its file is closed to the person.
     "a person's": "git -C {project} -c user.name=A -c user.email=a@b commit -q --allow-empty -m theirs; "
     f"mkdir -p {{project}}/.git/rebase-merge; echo 'exec touch {{mark}}' > {{project}}/{TODO}; "
-    "echo '* * * * * touch {mark}' | HOME={home} {home}/bin/crontab -",
+    "echo '* * * * * touch {mark}' | HOME={home} {home}/bin/crontab -; "
+    "for name in atq systemctl; do echo '1 touch {mark}' > {home}/$name.jobs; done",
 }
 """What an agent does in an attempt of its own, beside which nothing else is planted."""
 
@@ -353,8 +358,9 @@ def test_what_is_done_alone_is_told_undone_or_left_to_a_person(attacked: Attacke
     (home / "documents").mkdir()
     (home / "documents" / "novel.md").write_text("chapter one\n")
     (home / "bin").mkdir()
-    (home / "bin" / "crontab").write_text(CRONTAB)
-    (home / "bin" / "crontab").chmod(0o755)
+    for name, program in {"crontab": CRONTAB, "atq": LISTED, "systemctl": LISTED}.items():
+        (home / "bin" / name).write_text(program)
+        (home / "bin" / name).chmod(0o755)
     acts = {name: act for name, act in ALONE.items() if name != "given away" or os.geteuid() == 0}
     project.script = {"probe": [{"shell": attacked.words(act)} for act in acts.values()]}
     project.manifest = {"budget": f"{{attempts: {len(acts)}}}"}
@@ -373,7 +379,8 @@ def test_what_is_done_alone_is_told_undone_or_left_to_a_person(attacked: Attacke
     assert not os.path.lexists(project.folder / "protocol")
 
     assert f"--> {TODO}" in text
-    assert "your crontab was changed while the agent ran" in text
+    for schedule in ("crontab", "list of `at` jobs", "list of transient units"):
+        assert f"your {schedule} changed while the agent ran" in text
 
     left = (f"{home}/.claude/settings.json", ".octoform/bench/run/tokens.json", ".idea/run.xml")
     for path in ("AGENTS.md", *left):
