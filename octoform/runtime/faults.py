@@ -6,6 +6,7 @@ a busy one is tried again, and only what is left over is a defect of the server.
 
 import errno
 import grp
+import stat
 from pathlib import Path
 
 _SAID = {
@@ -25,16 +26,22 @@ def sentence(problem: OSError) -> str:
     text = _SAID.get(problem.errno or 0) or problem.strerror or str(problem)
     if not isinstance(problem.filename, str):
         return text
-    if problem.errno == errno.EACCES and (group := _group(problem.filename)):
-        text += f"; it belongs to the group {group}"
+    if problem.errno == errno.EACCES:
+        text += f"{_rights(problem.filename)}; `octoform doctor` shows what grants the use"
     return f"{problem.filename}: {text}"
 
 
-def _group(path: str) -> str:
+def _rights(path: str) -> str:
+    """Mode and group of a file, in parentheses; empty where the user cannot even see these."""
     try:
-        return grp.getgrgid(Path(path).stat().st_gid).gr_name
-    except (OSError, KeyError):
+        status = Path(path).stat()
+    except OSError:
         return ""
+    try:
+        group = grp.getgrgid(status.st_gid).gr_name
+    except KeyError:
+        group = str(status.st_gid)
+    return f" (mode {stat.S_IMODE(status.st_mode):04o}, group {group})"
 
 
 class DeviceFault(Exception):

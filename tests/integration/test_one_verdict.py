@@ -134,9 +134,11 @@ def device_gone(bench: Bench) -> Iterator[None]:
 def no_rights(bench: Bench) -> Iterator[None]:
     os.chown(bench.camera, 65534, 44)
     bench.camera.chmod(0o660)
-    with bare(bench.project):
-        yield
-    os.chown(bench.camera, 0, 0)
+    try:
+        with bare(bench.project):
+            yield
+    finally:
+        os.chown(bench.camera, 0, 0)
 
 
 @contextmanager
@@ -223,6 +225,20 @@ def test_with_a_daemon_all_say_the_same(watched: Bench, situation: str) -> None:
         until_metrics = becomes(lambda: watched.counted() if watched.metrics.exists() else "", word)
         assert until_metrics == word
         assert {name: becomes(text, word) for name, text in surfaces.items()} == dict.fromkeys(surfaces, word)
+
+
+def test_a_call_names_the_rights_that_vanished_while_it_serves_and_works_once_they_are_back(bench: Bench) -> None:
+    project = bench.project
+    project.run("call", "capture_image", status=0)
+    with no_rights(bench):
+        refused = project.run("call", "capture_image")
+        words = " ".join(refused.text.split())
+        assert refused.status == 1
+        for piece in ("/dev/video0", "mode 0660", "group video", "`octoform doctor` shows what grants the use"):
+            assert piece in words, (piece, words)
+        other = project.run("call", "read_temperature", status=0).out
+        assert "21500" in other
+    project.run("call", "capture_image", status=0)
 
 
 def test_a_user_without_rights_is_told_by_apply_doctor_and_coverage(bench: Bench) -> None:

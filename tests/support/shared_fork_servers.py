@@ -18,6 +18,12 @@ CLIENTS = 64
 """That may wait while it loads."""
 
 
+def _capabilities() -> str:
+    """The rights of this process (proc(5)): a fork server with more would lend them to what has fewer."""
+    lines = Path("/proc/self/status").read_text().splitlines()
+    return next(line.split()[1] for line in lines if line.startswith("CapEff:"))
+
+
 class SharedForkServer(ForkServer):
     """The fork server of an environment, started where no process of this user has started it."""
 
@@ -26,7 +32,7 @@ class SharedForkServer(ForkServer):
         self._loaded = None
         self._waits = threading.Lock()
         self._orders = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        name = "\0octoform-tests-" + "-".join(map(str, (os.getuid(), *self._key(python, purpose))))
+        name = "\0octoform-tests-" + "-".join(map(str, (os.getuid(), _capabilities(), *self._key(python, purpose))))
         with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listener:
             try:
                 listener.bind(name)

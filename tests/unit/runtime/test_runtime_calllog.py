@@ -137,6 +137,6 @@ def test_faults_of_the_room_reach_the_client_as_sentences(log: Path) -> None:
 
     with pytest.raises(ToolError, match="usb-1 is not attached"):
         absent()
-    with pytest.raises(ToolError, match="/dev/null: this user may not open it; it belongs to the group"):
+    with pytest.raises(ToolError, match=r"/dev/null: this user may not open it \(mode 0666, group "):
         denied()
     assert [line["error"] for line in lines(log) if line["event"] == "result"] == ["DeviceAbsent", "PermissionError"]
