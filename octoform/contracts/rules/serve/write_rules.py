@@ -5,6 +5,7 @@ call is over, reports to its caller a state that is not there.
 """
 
 import ast
+import os
 import re
 from collections.abc import Iterator
 from functools import lru_cache
@@ -31,12 +32,18 @@ _ALWAYS_WRITES = re.compile(
     r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
     r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)|runtime\.v4l2\.set_control"
     r"|runtime\.movement\.(?:carried_out|energised|planned)|runtime\.units\..*\.(?:move|move_percent|move_many|pose|torque)"
+    r"|cv2\.imwrite|(?:numpy|np)\.save(?:txt|z\w*)?|logging\.(?:.+\.)?\w*FileHandler"
 )
 _PROGRAMS = re.compile(
     r"(?:.*/)?(?:tee|dd|cp|mv|rm|rmdir|mkdir|touch|chmod|chown|ln|truncate|mkfs(?:\..*)?|i2cset|gpioset|setserial|install"
     r"|setpci|hdparm|wipefs|parted|fdisk|eject|reboot|shutdown|poweroff|rfkill|modprobe|rmmod|insmod|usbreset)"
 )
 """Programs that are there to change something (the manual pages' first lines)."""
+_WRAPPERS = re.compile(r"(?:.*/)?(?:busybox|toybox|timeout|nice|ionice|stdbuf|setsid|nohup|chrt|taskset|time|flock)")
+"""Programs that start the one that is named after them."""
+_OPENS = frozenset({"open", "io.open", "os.fdopen", "io.FileIO", "codecs.open", "gzip.open", "bz2.open", "lzma.open"})
+_OPENED_TO_WRITE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
+_SCRATCH = ("tempfile.", "io.BytesIO", "io.StringIO")
 _SETS = re.compile(
     r"-{0,2}(?:set|sset|cset|write|enable|disable|reset|erase|update|flash)(?!-fmt|-parm|-sel)(?:-\w+)*(?:=.*)?"
 )
@@ -97,17 +104,15 @@ def read_writes(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
     hint = "leave the write out; a tool that sets something has the effect actuate in INTERFACE"
-    out: dict[ast.Call, Diagnostic] = {}
+    out: dict[ast.AST, Diagnostic] = {}
+    writing: list[tuple[ast.expr, str]] = [each for each in source.calls if _writes(source, flow, *each)]
+    writing += [(node, node.attr) for node in source.by_kind[ast.Attribute] if _hands_on(source, node)]
     for site, tool in served_tools(source, artifacts):
-        if tool["effect"] != "read":
-            continue
-        used = source.entered_from(tool_functions(source, site))
-        for call, name in source.calls:
-            if source.owner(call) not in used or call in out or not _writes(source, flow, call, name):
-                continue
-            if not _switched_off(source, call, used):
+        used = source.entered_from(tool_functions(source, site)) if tool["effect"] == "read" else []
+        for node, name in writing:
+            if source.owner(node) in used and node not in out and not _switched_off(source, node, used):
                 summary = f"{display(name)} writes, and the tool {display(site.name or '')} has the effect read"
-                out[call] = source.problem(CODE, call, summary, hint)
+                out[node] = source.problem(CODE, node, summary, hint)
     return list(out.values())
 
 
@@ -267,29 +272,73 @@ def _acts(node: ast.AST, has_units: bool) -> str | None:
     return "it asks for its device as one that acts" if plain else None
 
 
+def _hands_on(source: Source, node: ast.Attribute) -> bool:
+    """Whether a method that writes a file is not called here, and is a value that something else may call."""
+    above = source.parents.get(node)
+    if node.attr not in ("write_text", "write_bytes") or (isinstance(above, ast.Call) and above.func is node):
+        return False
+    return isinstance(node.ctx, ast.Load) and not is_temporary(source, node.value, node)
+
+
+def _named(flow: Flow, node: ast.expr) -> list[ast.AST]:
+    """What a name stands for, where that can be determined; else the expression itself."""
+    return (flow.plain(node) if isinstance(node, ast.Name) else []) or [node]
+
+
 def _writes(source: Source, flow: Flow, call: ast.Call, name: str) -> bool:
+    stands_for = [source.dotted(item) for item in _named(flow, call.func)]
+    name = next((each for each in stands_for if each in _OPENS or each == "os.open"), name)
     method = call.func.attr if isinstance(call.func, ast.Attribute) else ""
     target = call.func.value if isinstance(call.func, ast.Attribute) else None
     if _ALWAYS_WRITES.fullmatch(name):
         return not any(is_temporary(source, item, call) for item in call.args)
     if method in _WRITING_METHODS and target is not None:
         return not is_temporary(source, target, call)
-    if name in ("open", "io.open", "os.fdopen"):
+    if name == "functools.partial" and call.args and source.dotted(call.args[0]) in _OPENS:
+        return _opens_to_write(source, flow, call, call.args[min(1, len(call.args) - 1)], call.args[2:3])
+    if name in _OPENS:
         return _opens_to_write(source, flow, call, call.args[0] if call.args else None, call.args[1:2])
     if name == "os.open":
-        flags = {source.dotted(item).rpartition(".")[2] for arg in call.args[1:2] for item in walk(arg)}
+        given = next((item.value for item in call.keywords if item.arg == "flags"), None)
+        flags = _flags(source, flow, (call.args[1:2] or ([given] if given is not None else []))[:1])
         # Who asks a device through its node writes the question.
-        writing = flags & {"O_WRONLY", "O_CREAT", "O_TRUNC", "O_APPEND"}
-        return bool(writing) or ("O_RDWR" in flags and not is_node_path(source, call.args[0], call))
+        asks = bool(flags & os.O_RDWR) and bool(call.args) and not is_node_path(source, call.args[0], call)
+        return bool(flags & _OPENED_TO_WRITE) or asks
+    if name == "getattr":
+        asked = call.args[1] if len(call.args) > 1 else None
+        found = folded(source, flow, asked) if asked is not None else None
+        return found in ("write_text", "write_bytes") and not is_temporary(source, call.args[0], call)
     if method == "open" and name not in RUNTIME_TOUCHES:
         return _opens_to_write(source, flow, call, target, call.args[:1])
     return _orders(source, flow, call, name, method)
 
 
+def _flags(source: Source, flow: Flow, given: list[ast.expr]) -> int:
+    """The flags of a descriptor, by their names and numbers."""
+    found = 0
+    for item in (part for each in given for value in _named(flow, each) for part in walk(value)):
+        name = source.dotted(item).rpartition(".")[2]
+        found |= item.value if isinstance(item, ast.Constant) and type(item.value) is int else 0
+        found |= getattr(os, name, 0) if name.startswith("O_") else 0
+    return found
+
+
+def _program(flow: Flow, call: ast.Call) -> list[str]:
+    """The words of a program that are written down, from its own name on."""
+    given = call.args[:1] or [item.value for item in call.keywords if item.arg == "args"]
+    parts = [part for item in given for value in _named(flow, item) for part in walk(value)]
+    words = [item.value for item in parts if isinstance(item, ast.Constant) and isinstance(item.value, str)]
+    while words and _WRAPPERS.fullmatch(words[0]):
+        words = words[1:]
+        while words and (words[0].startswith("-") or words[0].replace(".", "").rstrip("smhd").isdigit()):
+            words = words[1:]
+    return words
+
+
 def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) -> bool:
     """Whether a call makes something else change: a program, a library's method, a line of text."""
     if name.startswith("subprocess."):
-        words = [str(item.value) for arg in call.args[:1] for item in walk(arg) if isinstance(item, ast.Constant)]
+        words = _program(flow, call)
         return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
     if isinstance(call.func, ast.Call) and source.dotted(call.func.func) == "getattr":
         return not isinstance(call.func.args[1] if len(call.func.args) > 1 else None, ast.Constant)
@@ -306,7 +355,7 @@ def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) 
     return bool(reached) and (moves or _WRITTEN.fullmatch(method) is not None)
 
 
-def _switched_off(source: Source, call: ast.Call, used: list[Function]) -> bool:
+def _switched_off(source: Source, call: ast.expr, used: list[Function]) -> bool:
     """Whether a call is under an ``if`` about an optional parameter that none of these functions gives."""
     owner = source.owner(call)
     tests = [above.test for above, below in source.above(call) if isinstance(above, ast.If) and below in above.body]
@@ -352,12 +401,12 @@ def _opens_to_write(
     return bool(set(found) & set("wxa")) or ("+" in found and not is_node_path(source, path, call))
 
 
-def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:
-    """Whether a path is made by ``tempfile``, directly or by way of names of the same function."""
+def is_temporary(source: Source, path: ast.expr, call: ast.expr) -> bool:
+    """Whether a path is made by ``tempfile``, or a file is in memory, directly or by names of the same function."""
     names = {item.id for item in walk(path) if isinstance(item, ast.Name)}
     scope = source.owner(call)
     for _ in range(4):  # a path of a path of a folder
-        if any(source.dotted(item).startswith("tempfile.") for item in walk(path)) or names & _temporary(source, scope):
+        if any(source.dotted(item).startswith(_SCRATCH) for item in walk(path)) or names & _temporary(source, scope):
             return True
         more = {
             item.id
@@ -375,7 +424,7 @@ def is_temporary(source: Source, path: ast.expr, call: ast.Call) -> bool:
 
 @lru_cache(maxsize=64)
 def _temporary(source: Source, scope: Function | None) -> frozenset[str]:
-    """The names that a function binds to something of ``tempfile``."""
+    """The names that a function binds to something of ``tempfile``, or to a file in memory."""
     found: set[str] = set()
     for item in walk(scope) if scope is not None else ():
         bound: list[tuple[ast.expr | None, ast.expr]] = []
@@ -384,6 +433,6 @@ def _temporary(source: Source, scope: Function | None) -> frozenset[str]:
         elif isinstance(item, ast.With | ast.AsyncWith):
             bound = [(each.optional_vars, each.context_expr) for each in item.items]
         for target, value in bound:
-            if target is not None and any(source.dotted(part).startswith("tempfile.") for part in walk(value)):
+            if target is not None and any(source.dotted(part).startswith(_SCRATCH) for part in walk(value)):
                 found |= {name.id for name in walk(target) if isinstance(name, ast.Name)}
     return frozenset(found)
