@@ -61,6 +61,15 @@ _FROM_NOTHING = frozenset(
     | {"light", "lamp", "dimmer", "opacity", "contrast", "moisture"}
 )
 """Words for what has no less than none of it: a percentage of it begins at 0."""
+_UP_TO_ALL = _FROM_NOTHING - {"intensity", "contrast", "loudness", "humidity"} | {"pwm"}
+"""Words for what has no more than all of it: a percentage of it ends at 100."""
+_BEYOND = re.compile(
+    r"(?i)pulse ?audio|pipewire|wireplumber|pactl|wpctl|sound server|amplif|boost|over-?drive|gain|software"
+    r"|of (?:the |its )?(?:nominal|rated|design|default|normal)"
+)
+"""Words by which there may be more than all of something: software amplifies beyond 100 percent."""
+_OF_ANOTHER = re.compile(r"(?i)speed|tempo|rate|zoom|scale|size|length|time|duration|saturation|temperature|pitch")
+"""Words of a quantity of which there may be any percentage of the usual."""
 _CHANGES = re.compile(
     r"(?i)change|relative|offset|delta|adjust|differ|shift|trim|correct|step|balance|negative|more or less"
 )
@@ -108,8 +117,10 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 why = f"has the default {given:g}, which its own range does not hold"
             elif beyond:
                 why = f"reaches {beyond[0]:g} {unit}, which nothing does"
-            elif unit == "%" and _is_plain(low) and low < 0 and _begins_at_nothing(tool, name, member):
+            elif unit == "%" and _is_plain(low) and low < 0 and _is_share(tool, name, member, _FROM_NOTHING):
                 why = f"reaches {low:g} percent of what there is no less than none of"
+            elif unit == "%" and _is_plain(high) and high > 100 and _ends_at_all(tool, name, member):
+                why = f"reaches {high:g} percent of what there is no more than all of"
             else:
                 continue
             summary = f"{display(name)} of {display(tool['name'])} {why}"
@@ -117,11 +128,18 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def _begins_at_nothing(tool: JsonObject, name: str, member: Mapping[str, Any]) -> bool:
+def _is_share(tool: JsonObject, name: str, member: Mapping[str, Any], words: frozenset[str]) -> bool:
     """Whether a percentage is one of something, by its own words or the tool's, and no change of it."""
     said = f"{name} {member.get('description', '')}"
     own = {word for word in tokens(name) if word not in ("percent", "percentage", "pct", "value", "level")}
-    return bool(_FROM_NOTHING & (own or set(tokens(tool["name"])))) and not _CHANGES.search(f"{said} {tool['name']}")
+    return bool(words & (own or set(tokens(tool["name"])))) and not _CHANGES.search(f"{said} {tool['name']}")
+
+
+def _ends_at_all(tool: JsonObject, name: str, member: Mapping[str, Any]) -> bool:
+    """Whether there is no more than all of what a percentage is one of."""
+    said = f"{name} {tool['name']} {member.get('description', '')}"
+    other = _OF_ANOTHER.search(said) or _BEYOND.search(f"{said} {tool['description']}")
+    return not other and _is_share(tool, name, member, _UP_TO_ALL)
 
 
 def choice_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -142,6 +160,43 @@ def choice_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 hint = f"offer what IDENTIFY lists of it: {listed(sorted(known))}"
                 out.append(error("INTERFACE-CHOICE-UNKNOWN", summary, pointer=where, hint=hint))
     return out
+
+
+_NUMBERS_OF = frozenset({"index", "number", "idx", "no", "nr", "id"})
+_ONES = {"channels": frozenset({"channel", "sensor", "input"})}
+"""Words for one of what IDENTIFY lists, where it is not the singular of the list's name."""
+
+
+def place_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A number that chooses among the channels or the lights of a device reaches no further than there are."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for name, where, member in _parameters(index, tool):
+            given = [item for item in _list(member.get("enum")) if type(item) is int]
+            most = max(given) if given else member.get("maximum")
+            rows = _numbered(name, tool, artifacts) if "integer" in _types(member) or given else []
+            if rows and _is_plain(most) and most > max(len(rows), *map(_largest, rows)):
+                has = listed(sorted({str(row.get("channel", row.get("name"))) for row in rows}))
+                summary = f"{display(name)} of {display(tool['name'])} reaches {most:g}, and its device has {has}"
+                hint = "offer the names that IDENTIFY lists as an enum, or numbers up to how many there are"
+                out.append(error("INTERFACE-CHOICE-UNKNOWN", summary, pointer=where, hint=hint))
+    return out
+
+
+def _largest(row: Mapping[str, Any]) -> int:
+    """The largest number in what IDENTIFY has of a part, without the bounds of its values."""
+    kept = (str(item) for key, item in row.items() if not key.startswith(("max", "min")))
+    return max((int(found) for text in kept for found in re.findall(r"\d{1,9}", text)), default=0)
+
+
+def _numbered(name: str, tool: JsonObject, artifacts: Artifacts) -> list[Mapping[str, Any]]:
+    """The parts of a device among which a parameter of this name chooses by a number."""
+    spoken, rows = set(tokens(name)) - _NUMBERS_OF, list(listed_of(tool, artifacts))
+    kinds = {kind for kind, _ in rows}
+    ones = {kind: _ONES.get(kind, frozenset()) | {kind.removesuffix("s")} for kind in kinds}
+    alone = len(kinds) == 1 and set(tokens(name)) in ({"index"}, {"idx"})
+    meant = {kind for kind in kinds if alone or (spoken and spoken <= ones[kind])}
+    return [row for kind, row in rows if kind in meant and {"name", "channel"} & row.keys()]
 
 
 def endless(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -417,6 +472,7 @@ RULES = (
     Rule("INTERFACE-LIMIT-UNIT", limit_in_another_unit),
     Rule("INTERFACE-RANGE-EMPTY", range_empty),
     Rule("INTERFACE-CHOICE-UNKNOWN", choice_unknown),
+    Rule("INTERFACE-CHOICE-UNKNOWN", place_unknown),
     Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
     Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),
     Rule("INTERFACE-PASSTHROUGH", passthrough),

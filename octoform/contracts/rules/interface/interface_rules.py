@@ -40,6 +40,11 @@ _ORDERS = re.compile(
 )
 _OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
 _DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
+_CALLS = re.compile(
+    r"\b(?:(?:[Cc]all|[Ii]nvoke|[Ee]xecute|[Rr]un)\s+(?:the\s+)?(?:tool\s+)?|[Uu]se\s+the\s+tool\s+)"
+    r"[`'\"]?([a-zA-Z][a-zA-Z0-9]*(?:[_.][a-zA-Z0-9]+)+)\b"
+)
+"""An order to call something whose name can only be that of a tool."""
 _SENDS_AWAY = re.compile(
     r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
     r"\b(?:e-?mails (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?|sends?"
@@ -61,6 +66,7 @@ _SPOKEN = (
 def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A description is about kinds, names no single unit and no place, and gives the reader no orders."""
     serials, names, attached = _serials(artifacts), _names(artifacts), _attached(artifacts)
+    served = {tool["name"] for tool in value["tools"]}
     out = []
     for index, tool in enumerate(value["tools"]):
         for where, text in _descriptions(tool, ("tools", index)):
@@ -72,6 +78,10 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             elif _OPEN.search(text):
                 summary = f"a description of {display(tool['name'])} is not written yet"
                 hint = "say what the tool does, on which device, and what comes back"
+                out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+            for name in _called(tool, text, served):
+                summary = f"a description of {display(tool['name'])} has {display(name)} called, which is no tool here"
+                hint = "describe what the tool does; name only tools of this interface, under their names"
                 out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
             for form, what, hint in _SPOKEN:
                 if _states(form, text, names) and (form is not _SENDS_AWAY or attached.issuperset(tool["devices"])):
@@ -95,6 +105,13 @@ def _descriptions(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tu
     elif isinstance(value, list):
         for index, item in enumerate(value):
             yield from _descriptions(item, (*where, index))
+
+
+def _called(tool: JsonObject, text: str, served: set[str]) -> list[str]:
+    """What a description has called that is neither a tool of the interface nor a word of the tool's own schemas."""
+    schemas = json.dumps([tool["input_schema"], tool.get("output_schema")])
+    found = dict.fromkeys(_CALLS.findall(text.partition("Through:")[0]))
+    return [name for name in found if name not in served and f'"{name}"' not in schemas]
 
 
 def _states(form: "re.Pattern[str]", text: str, names: str) -> bool:
@@ -206,7 +223,8 @@ def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-_PRODUCT = re.compile(r"(?mi)^(?:product|manufacturer|vendor|model|maker): (.+)$")
+_PRODUCT = re.compile(r"(?mi)^(product|manufacturer|vendor|model|maker): (.+)$")
+_MAKERS = ("manufacturer", "vendor", "maker")
 
 
 def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -214,15 +232,37 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     strings = {item["id"]: str(item.get("raw_descriptor", "")) for item in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, tool in enumerate(value["tools"]):
-        lines = [line for name in tool["devices"] for line in _PRODUCT.findall(strings.get(name, ""))]
-        words = {word for line in lines for word in re.findall(r"[a-z0-9]+(?!>)\b", line.casefold())}
-        added = set(tokens(tool["name"])) - set(tokens(tool["capability"]))
-        strange = sorted(word for word in added & words if not is_class_word(word) and not is_filler(word))
+        lines = [each for name in tool["devices"] for each in _PRODUCT.findall(strings.get(name, ""))]
+        words, makers = _words_of(lines), _words_of([each for each in lines if each[0].casefold() in _MAKERS])
+        known = {*tokens(tool["capability"])}
+        strange = sorted(word for word in ({*tokens(tool["name"])} - known) & words if _is_own(word))
         if strange:
             summary = f"the tool name {display(tool['name'])} has {listed(strange)} of a product in it"
             hint = f"call it {display(tool['capability'])}; the product belongs into the description"
             out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=pointer("tools", index, "name"), hint=hint))
+        for name, member in (tool["input_schema"].get("properties") or {}).items():
+            text = f"{tool['description'].partition('Through:')[0]} {member.get('description', '')}"
+            spoken = set(re.findall(r"\b[a-z0-9]+\b", text)) | known
+            strange = sorted(word for word in words & {*tokens(name)} - spoken if not is_filler(word))
+            own = [word for word in strange if _is_own(word) and len(word) > 3]
+            if own and (len(strange) > 1 or makers.intersection(own)) and len(tokens(name)) > len(own):
+                summary = (
+                    f"the parameter {display(name)} of {display(tool['name'])} has {listed(strange)} of a product in it"
+                )
+                hint = "call it by what it means to any product; the product belongs into the description"
+                where = pointer("tools", index, "input_schema", "properties", name)
+                out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=where, hint=hint))
     return out
+
+
+def _words_of(lines: list[tuple[str, str]]) -> set[str]:
+    """The words of lines of a device's text, without what stands for a number that was cut out."""
+    return {word for _, line in lines for word in re.findall(r"[a-z0-9]+(?!>)\b", line.casefold())}
+
+
+def _is_own(word: str) -> bool:
+    """Whether a word is a product's or a maker's own, and none for a kind of thing."""
+    return not is_class_word(word) and not is_filler(word)
 
 
 def name_clash(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
