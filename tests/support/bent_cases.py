@@ -7,11 +7,12 @@ from typing import Any
 
 from fresh_cases import NUMBER, TEXT
 from novel_servers import NUMBER as RAW
-from server_edits import FILE
+from server_edits import ASKED, FILE
 from unseen_cases import percent
 from wrong_interfaces import says, takes
 from wrong_servers import temperature
 
+TWICE = "def twice(number):\n    doubled = 2 * number\n    return twice(doubled) if doubled < 1 else doubled"
 READ = f"value = {RAW}"
 SERVE_WRONG: dict[str, Any] = {
     f"written: {name}": temperature(text, *imports)
@@ -123,6 +124,40 @@ SERVE_RIGHT: dict[str, Any] = {
             "codecs",
         ),
         ("a line on standard error", f"import sys\n{READ}\nprint(value, file=sys.stderr)"),
+    ]
+}
+UPTIME = "def uptime():\n    return float(Path('/proc/uptime').read_text().split()[0])"
+SERVE_WRONG |= {
+    f"clock: {name}": temperature(text, more=more)
+    for name, text, more in [
+        ("how long the computer runs, by a function", f"{ASKED}.path('hwmon')\nvalue = uptime()", UPTIME),
+        ("a reading and how long it runs", f"{READ} + uptime()", UPTIME),
+        ("how long it runs, over a count", f"value = uptime() / {RAW}", UPTIME),
+        ("how long it runs, handed on", f"{ASKED}.path('hwmon')\nvalue = twice(uptime())", f"{UPTIME}\n\n{TWICE}"),
+        ("a part of its load", f"value = {RAW} * float(open('/proc/loadavg').read().split()[0])", ""),
+    ]
+}
+SERVE_RIGHT |= {
+    f"clock: {name}": temperature(text, more=f"{UPTIME}\n\n{more}")
+    for name, text, more in [
+        ("a rate since the start", f"value = {RAW} / uptime()", ""),
+        (
+            "a rate between two readings",
+            f"begun, first = uptime(), {RAW}\ntime.sleep(0.01)\nvalue = ({RAW} - first) / (uptime() - begun)",
+            "",
+        ),
+        (
+            "a rate by a function",
+            f"begun, first = uptime(), {RAW}\nvalue = rate({RAW} - first, uptime() - begun)",
+            "def rate(moved, seconds):\n    return moved / seconds",
+        ),
+        (
+            "a rate by words",
+            f"begun, first = uptime(), {RAW}\nvalue = rate(moved={RAW} - first, seconds=uptime() - begun)",
+            "def rate(moved, seconds):\n    return round(moved / max(seconds, 0.001), 3)",
+        ),
+        ("a wait by it", f"until = uptime() + 0.01\nwhile uptime() < until:\n    time.sleep(0.001)\n{READ}", ""),
+        ("an error that is told with it", f"{READ}\nif value < 0:\n    raise ToolError(f'at {{uptime()}}')", ""),
     ]
 }
 INTEGER = {"type": "integer"}

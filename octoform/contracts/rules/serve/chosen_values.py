@@ -9,14 +9,14 @@ follow the device as well, and no one measured them.
 import ast
 import re
 from collections.abc import Iterable, Iterator
-from typing import Any
+from typing import Any, TypeGuard
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, last
+from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, arguments, last
 from octoform.contracts.rules.serve.places import folded
-from octoform.contracts.server_source import Source, walk
+from octoform.contracts.server_source import Function, Source, children, walk
 
 Numbers = frozenset[float]
 _DEPTH = 8
@@ -276,6 +276,7 @@ class _Altered:
 
     def __init__(self, source: Source, flow: Flow) -> None:
         self._source, self._flow, self._chosen = source, flow, Chosen(source, flow)
+        self._names: dict[Function, set[str]] = {}
 
     def at(self, node: ast.expr, declared: Numbers | None, unit: str | None) -> _Found:
         """(what a member is instead of its reading, what to do); empty where it is the reading."""
@@ -352,11 +353,14 @@ class _Altered:
         return bool(self._flow.of(node) & (Origin.READ | Origin.SYSTEM))
 
     def _is_of_computer(self, node: ast.AST, seen: set[ast.AST]) -> bool:
-        """Whether what the kernel reports of the computer goes into a value, by way of functions of the file too."""
+        """Whether what the kernel reports of the computer goes into a value, by way of functions of the file too.
+
+        What divides is not in it: the computer's uptime is a clock as good as any for a rate.
+        """
         if node in seen:
             return False
         seen.add(node)
-        for item in walk(node):
+        for item in self._undivided(node):
             text = folded(self._source, self._flow, item) if isinstance(item, ast.Constant | ast.BinOp) else None
             if text is not None and _OF_COMPUTER.fullmatch(text):
                 return True
@@ -366,16 +370,49 @@ class _Altered:
                 return True
         return False
 
+    def _undivided(self, node: ast.AST) -> Iterator[ast.AST]:
+        """The nodes of an expression that are in its value: no divisor, and no argument that a function divides by."""
+        waiting = [node]
+        while waiting:
+            item = waiting.pop()
+            yield item
+            parts = list(children(item))
+            if isinstance(item, ast.BinOp) and isinstance(item.op, ast.Div | ast.FloorDiv):
+                parts = [item.left]
+            own = self._own(item)
+            if own is not None and isinstance(item, ast.Call):
+                used = self._returned_names(own)
+                names = [each.arg for each in arguments(own)]
+                parts = [each for name, each in zip(names, item.args, strict=False) if name in used]
+                parts += [each.value for each in item.keywords if each.arg in used or each.arg is None]
+            waiting += parts
+
+    def _returned_names(self, function: Function) -> set[str]:
+        """The names that are in what a function returns, by way of its other names too, and do not only divide it."""
+        if function not in self._names:
+            found = self._names[function] = set()
+            waiting: list[ast.AST] = [*self._flow.results(function)]
+            while waiting:
+                for item in filter(_is_load, self._undivided(waiting.pop())):
+                    waiting += self._flow.plain(item) if item.id not in found else []
+                    found.add(item.id)
+        return self._names[function]
+
+    def _own(self, node: ast.AST) -> Function | None:
+        """The function of the file that is called."""
+        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
+            return None
+        own = [each for each in self._source.functions if each.name == node.func.id]
+        return own[0] if len(own) == 1 else None
+
     def _behind(self, node: ast.AST) -> list[ast.AST]:
         """What a name stands for, a file that was opened too, or a call of a function of the file returns."""
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load):
             reaching = self._flow.bindings.reaching(node)[0]
             opened = [each.value for each in reaching if each.whole and isinstance(each.node, ast.With)]
             return [*self._flow.plain(node), *opened]
-        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
-            own = [each for each in self._source.functions if each.name == node.func.id]
-            return [*self._flow.results(own[0])] if len(own) == 1 else []
-        return []
+        own = self._own(node)
+        return [*self._flow.results(own)] if own is not None else []
 
     def _is_mean(self, node: ast.expr) -> bool:
         """Whether a reading is taken together with a number of the file, as a mean or half the sum of a kernel's."""
@@ -429,6 +466,10 @@ class _Altered:
                 isinstance(item, ast.expr) and self._is_text(item, depth - 1) for item in values
             )
         return isinstance(node, ast.Call) and (last(node.func) in _TEXTS or self._name(node) == "str")
+
+
+def _is_load(node: ast.AST) -> TypeGuard[ast.Name]:
+    return isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
 
 
 def _declared(schema: Any, name: str) -> Numbers | None:
