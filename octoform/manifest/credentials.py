@@ -131,6 +131,8 @@ PROVIDERS: Mapping[str, Provider] = {
 ALIASES = {"google": "gemini", "ollama_chat": "ollama"}
 NATIVE = {"claude-code": "anthropic", "gemini-cli": "gemini"}
 """The provider that a bare model name means, by harness; for all others OpenAI's."""
+SPOKEN = {"claude-code": (ANTHROPIC,), "codex": (RESPONSES,), "gemini-cli": (GEMINI,)}
+"""The APIs of models that a program speaks, where these are not all."""
 SEARCHERS = ("claude-code", "codex", "gemini-cli", "litellm", "opencode", "qwen-code")
 """The harnesses whose agents can search the web, by themselves or through their model."""
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from octoform.diagnostics import Span
 from octoform.manifest import conversion, credentials, model_url, references, yaml_tree
 from octoform.manifest.conversion import Agent, has_login
-from octoform.manifest.credentials import LOGINS, SEARCHERS
+from octoform.manifest.credentials import APIS, LOGINS, PROVIDERS, SEARCHERS, SPOKEN
 from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import Document
 from octoform.manifest.schema.harness import Confinement, ModelHarness
@@ -165,7 +165,9 @@ def _reference_span(scalar: Scalar, report: ProblemList) -> Span:
 #
 # (Heavy: the document.)
 
-_MODEL_HINT = "write for example `model: anthropic/claude-sonnet-4-5`"
+_MODEL = "anthropic/claude-sonnet-4-5"
+_MODELS = {"codex": "openai/gpt-5", "gemini-cli": "gemini/gemini-3-flash-preview"}
+"""A model as an example, for programs that cannot talk to the provider of the usual one."""
 _FREE = {"builtin": "the embedded agent uses none", "replay": "a recorded run uses none"}
 
 
@@ -191,6 +193,7 @@ class _Rules:
                 self._no_model(agent)
             elif agent.needs_model:
                 self._key(agent)
+                self._spoken(agent)
             self._settings(agent)
         self._unused_models(in_force)
         self._escalation()
@@ -208,7 +211,8 @@ class _Rules:
     def _no_model(self, agent: Agent) -> None:
         if self._is_new("model", agent.at):
             what = f"the harness `{agent.name}` needs a model, and none is named"
-            self._report.error("MANIFEST-NO-MODEL", what, self._span(agent.at), hint=_MODEL_HINT)
+            hint = f"write for example `model: {_MODELS.get(agent.name, _MODEL)}`"
+            self._report.error("MANIFEST-NO-MODEL", what, self._span(agent.at), hint=hint)
 
     def _key(self, agent: Agent) -> None:
         """Report a key that the agent will look for by itself and not find; a named one where it is named."""
@@ -250,6 +254,22 @@ class _Rules:
             self._span((*agent.at, "api")),
             hint=f"remove it, or choose {' or '.join(provider.urls)}",
         )
+
+    def _spoken(self, agent: Agent) -> None:
+        """A program and a provider have an API in common, unless a URL leads elsewhere; for a login see `_login`."""
+        provider = conversion.provider_of(agent.model or "", agent.name, self._environ)
+        spoken, settings = SPOKEN.get(agent.name, APIS), agent.settings
+        if provider is None or any(api in provider.urls for api in spoken):
+            return
+        is_elsewhere = settings is not None and (settings.base_url is not None or has_login(settings))
+        if not is_elsewhere and self._is_new("spoken", (agent.name, agent.model_at)):
+            others = [each.name for each in PROVIDERS.values() if any(api in each.urls for api in spoken)]
+            self._report.error(
+                "MANIFEST-WRONG-VALUE",
+                f"`{agent.name}` cannot talk to {provider.name}: it speaks {' or '.join(spoken)}",
+                self._span(agent.model_at),
+                hint=f"choose a model of one of these: {', '.join(others)}; or another harness, or a `base_url`",
+            )
 
     def _login(self, agent: Agent) -> None:
         """A login is one program's with one provider, and no key beside it."""

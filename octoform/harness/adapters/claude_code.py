@@ -30,7 +30,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.program_location import Pin
-from octoform.manifest.credentials import ANTHROPIC
+from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
 
 RETRIES = 4
@@ -74,7 +74,7 @@ class ClaudeCode:
 
     name: ClassVar[str] = "claude-code"
     pin: ClassVar[Pin] = Pin("@anthropic-ai/claude-code", "2.1.330", "claude", None, scripts=True)
-    apis: ClassVar[tuple[str, ...]] = (ANTHROPIC,)
+    apis: ClassVar[tuple[str, ...]] = SPOKEN["claude-code"]
 
     def invocation(self, launch: Launch) -> Invocation:
         """See `Adapter.invocation`."""

@@ -31,7 +31,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.program_location import Pin
-from octoform.manifest.credentials import RESPONSES
+from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
 
 REQUEST_RETRIES = 2
@@ -76,7 +76,7 @@ class Codex:
 
     name: ClassVar[str] = "codex"
     pin: ClassVar[Pin] = Pin("@openai/codex", "0.169.0", "codex", (16, 0))
-    apis: ClassVar[tuple[str, ...]] = (RESPONSES,)
+    apis: ClassVar[tuple[str, ...]] = SPOKEN["codex"]
 
     def invocation(self, launch: Launch) -> Invocation:
         """See `Adapter.invocation`."""

@@ -30,7 +30,7 @@ from octoform.harness.port import (
 )
 from octoform.harness.program_location import Pin
 from octoform.harness.watcher import added
-from octoform.manifest.credentials import GEMINI
+from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
 
 ATTEMPTS = 4
@@ -57,7 +57,7 @@ class GeminiCli:
 
     name: ClassVar[str] = "gemini-cli"
     pin: ClassVar[Pin] = Pin("@google/gemini-cli", "0.61.0", "gemini", (20, 0))
-    apis: ClassVar[tuple[str, ...]] = (GEMINI,)
+    apis: ClassVar[tuple[str, ...]] = SPOKEN["gemini-cli"]
 
     def invocation(self, launch: Launch) -> Invocation:
         """See `Adapter.invocation`."""

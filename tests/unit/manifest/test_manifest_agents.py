@@ -1,5 +1,6 @@
 """The agents of a loaded manifest: which one, with which model and key, at whose expense."""
 
+import re
 from collections.abc import Mapping
 from pathlib import Path
 
@@ -38,10 +39,13 @@ def loaded(folder: Path, text: str, **environ: str) -> Manifest:
 
 @pytest.mark.parametrize("name", AGENTS)
 def test_a_name_alone_is_enough(tmp_path: Path, name: str) -> None:
-    manifest = loaded(tmp_path, f"harness: {name}\nmodel: openrouter/vendor/name")
-    assert manifest.harness_for("serve") == HarnessSpec(name, key="OPENROUTER_API_KEY")
-    assert manifest.model_for("serve") == "openrouter/vendor/name"
-    assert manifest.variables == ("OPENROUTER_API_KEY",)
+    model, key = {"gemini-cli": ("gemini/name", "GEMINI_API_KEY")}.get(
+        name, ("openrouter/vendor/name", "OPENROUTER_API_KEY")
+    )
+    manifest = loaded(tmp_path, f"harness: {name}\nmodel: {model}")
+    assert manifest.harness_for("serve") == HarnessSpec(name, key=key)
+    assert manifest.model_for("serve") == model
+    assert manifest.variables == (key,)
 
 
 @pytest.mark.parametrize("name", AGENTS)
@@ -55,7 +59,7 @@ def test_a_name_in_a_table_is_the_same(tmp_path: Path, name: str) -> None:
     [
         ("", "builtin", None),
         ("stages: {probe: {harness: codex}}", "codex", "openai/x"),
-        ("stages: {probe: {model: openai/small}}", "claude-code", "openai/small"),
+        ("stages: {probe: {model: openai/small}}", "pi", "openai/small"),
         ("stages: {probe: {harness: {name: command, command: [mine]}}}", "command", "openai/x"),
         ("stages: {probe: {budget: {attempts: 1}}}", "builtin", None),
     ],
@@ -63,9 +67,9 @@ def test_a_name_in_a_table_is_the_same(tmp_path: Path, name: str) -> None:
 def test_probe_is_the_embedded_agents_unless_another_is_named(
     tmp_path: Path, own: str, harness: str, model: str | None
 ) -> None:
-    manifest = loaded(tmp_path, f"harness: claude-code\nmodel: openai/x\n{own}\n")
+    manifest = loaded(tmp_path, f"harness: pi\nmodel: openai/x\n{own}\n")
     assert (manifest.harness_for("probe").name, manifest.model_for("probe")) == (harness, model)
-    assert manifest.harness_for("identify").name == "claude-code"
+    assert manifest.harness_for("identify").name == "pi"
 
 
 def test_every_setting_of_a_program(tmp_path: Path) -> None:
@@ -225,6 +229,15 @@ def test_housekeeping(tmp_path: Path) -> None:
     assert found.variables == ("GROQ_API_KEY",)
     found = loaded(tmp_path, "housekeeping: {model: groq/x, max_tokens: 64, base_url: 'http://127.0.0.1:1'}")
     assert found.housekeeping == Housekeeping("groq/x", 64, None, "http://127.0.0.1:1")
+
+
+@pytest.mark.parametrize("name", AGENTS)
+def test_the_model_that_a_hint_names_is_one_for_the_harness(tmp_path: Path, name: str) -> None:
+    _, found = read(tmp_path, f"harness: {name}", {})
+    [hint] = {each.hint for each in found if each.code == "MANIFEST-NO-MODEL"}
+    [model] = re.findall("`(model: .*)`", hint or "")
+    keys = {each.key: "k" for each in PROVIDERS.values() if each.key}
+    assert read(tmp_path, f"harness: {name}\n{model}\nbudget: {{usd: 3.00}}", keys)[1] == []
 
 
 def test_the_digest_does_not_move_for_settings_that_are_not_used(tmp_path: Path) -> None:

@@ -36,6 +36,7 @@ BEYOND_A_SCHEMA = {
     "MANIFEST-SCOPE",
 }
 IN_THE_WORDS = {
+    "agent-that-cannot-talk-to-the-provider",
     "agent-without-network",
     "answers-hidden-character",
     "durations",
