@@ -4,6 +4,7 @@ An environment is bound to its path, so it is built in place: a marker is writte
 a build that was cut off and is made again. Only the lock's hashes are installed.
 """
 
+import filecmp
 import json
 import os
 import shutil
@@ -106,7 +107,8 @@ def _share_bytecode(layout: Layout, environment: Environment) -> None:
     """Link the bytecode of another environment's equal files, which saves two CPU seconds of compiling.
 
     Bytecode names the time and size of its source, so what does not fit is compiled again; and Python replaces such
-    files, never rewrites them, so a link is safe.
+    files, never rewrites them, so a link is safe. Where the package tool's cache lies on another file system, it copies
+    the sources, each with a time of its own: equal ones are given the same.
     """
     others = [at(path) for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]
     donor = next((item for item in others if item and item.path != environment.path and not intact(item)), None)
@@ -118,10 +120,22 @@ def _share_bytecode(layout: Layout, environment: Environment) -> None:
         if folder.parent.is_dir() and not folder.exists():
             folder.mkdir()
             for path in cache.iterdir():
+                name = f"{path.name.partition('.')[0]}.py"
                 try:
                     os.link(path, folder / path.name)
+                    _give_time(cache.parent / name, folder.parent / name)
                 except OSError:  # a file system without links: the packages are compiled when they are imported
                     return
+
+
+def _give_time(source: Path, copy: Path) -> None:
+    """Give a file of its own the time of an equal one."""
+    if not source.is_file() or not copy.is_file():
+        return
+    wanted, present = source.stat(), copy.stat()
+    differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_nlink == 1 and present.st_size == wanted.st_size
+    if differs and filecmp.cmp(source, copy, shallow=False):
+        os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
 
 
 def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:

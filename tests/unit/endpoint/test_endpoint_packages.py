@@ -1,5 +1,6 @@
 """Locks and environments, built from tiny packages without any index."""
 
+import os
 import shutil
 from pathlib import Path
 from threading import Thread
@@ -12,7 +13,7 @@ from octoform.endpoint.bounded_program import ForkServer, run
 from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import normalise, resolve
-from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, pins
+from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, packages_of, pins
 from octoform.state.layout import Layout
 
 
@@ -222,10 +223,16 @@ def test_pruning_keeps_what_is_named_and_drops_the_rest(layout: Layout, wheelhou
     assert foreign.exists()
 
 
-def test_bytecode_of_equal_packages_is_shared(layout: Layout, wheelhouse: Wheelhouse) -> None:
+@pytest.mark.parametrize("mode", ["hardlink", "copy"])
+def test_bytecode_of_equal_packages_is_shared(
+    mode: str, layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UV_LINK_MODE", mode)
     for name in ("alpha", "beta"):
         wheelhouse.add(name, "1.0")
     first = built(layout, locked(layout, "alpha==1.0"))
+    if mode == "copy":  # some time ago
+        os.utime(packages_of(first.path) / "alpha.py", (1, 1))
     load = "import alpha; print(alpha.__cached__)"
     assert run([str(first.python), "-I", "-c", load], cwd=layout.project, environment={}, timeout=30).status == 0
     second = built(layout, locked(layout, "alpha==1.0", "beta==1.0"))
