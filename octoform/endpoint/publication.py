@@ -21,6 +21,7 @@ import octoform
 from octoform.base.digest import of_bytes
 from octoform.base.files import make_way, parse, private_folder, read, read_json, replace
 from octoform.diagnostics import Diagnostic, Severity
+from octoform.endpoint.bounded_program import UNCHECKED
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
 from octoform.endpoint.expected_tools import denied
@@ -233,6 +234,7 @@ def _descriptor(layout: Layout, service: Service, environ: Mapping[str, str]) ->
         "FASTMCP_LOG_LEVEL": "ERROR",
         # FastMCP would otherwise read a .env of whatever folder the process was started in.
         "FASTMCP_ENV_FILE": os.devnull,
+        **UNCHECKED,
     }
     if environ.get("OCTOFORM_SYSROOT"):
         variables["OCTOFORM_SYSROOT"] = environ["OCTOFORM_SYSROOT"]

@@ -38,6 +38,11 @@ def server(serving: Environment) -> Iterator[ForkServer]:
     yield found
 
 
+def bare(serving: Environment) -> ForkServer:
+    """One that loads nothing, since the environment has no library for pictures: tests end several of them."""
+    return ForkServer.at(serving.python, "pictures")
+
+
 def forked(
     server: ForkServer | None, python: Path, folder: Path, source: str, *words: str, **named: object
 ) -> Finished:
@@ -62,6 +67,13 @@ def test_a_script_finds_what_a_program_of_its_own_would(
     assert seen == expected and seen["descriptors"] == [0, 1, 2, 3], "the last is that of the listing itself"
 
 
+def test_what_it_loads_has_no_checks_that_are_made_for_each_call(
+    server: ForkServer, serving: Environment, tmp_path: Path
+) -> None:
+    looks = "from key_value.aio.stores.memory.store import MemoryStore; print(MemoryStore._setup.__code__.co_filename)"
+    assert forked(server, serving.python, tmp_path, looks).stdout.endswith("key_value/aio/stores/memory/store.py\n")
+
+
 def test_an_exception_of_a_script_is_told_on_stderr(server: ForkServer, serving: Environment, tmp_path: Path) -> None:
     done = forked(server, serving.python, tmp_path, "print('begun'); raise LookupError('no such thing')")
     assert (done.status, done.stdout) == (1, "begun\n")
@@ -79,39 +91,39 @@ def test_what_a_script_detaches_ends_with_it(
 
 
 def test_a_script_that_kills_its_server_ends_and_the_next_one_has_another(serving: Environment, tmp_path: Path) -> None:
-    server = ForkServer.at(serving.python)
+    server = bare(serving)
     killing = "import os, signal, time; os.kill(os.getppid(), signal.SIGKILL); time.sleep(600)"
     done = forked(server, serving.python, tmp_path, killing, timeout=3.0)
     assert done.timed_out and done.seconds < 10
     quick = "import os, signal; os.kill(os.getppid(), signal.SIGKILL); print('done')"
-    another = ForkServer.at(serving.python)
+    another = bare(serving)
     assert another is not server
     done = forked(another, serving.python, tmp_path, quick)
     assert (done.status, done.stdout) == (1, "done\n"), "how it ended is not known, so it did not end well"
-    last = ForkServer.at(serving.python)
+    last = bare(serving)
     assert forked(last, serving.python, tmp_path, "print('well')").stdout == "well\n"
     assert forked(another, serving.python, tmp_path, "print('well')").stdout == "well\n", "as a program of its own"
 
 
 def test_one_that_was_ended_is_used_no_more(serving: Environment, tmp_path: Path) -> None:
-    first = ForkServer.at(serving.python)
+    first = bare(serving)
     assert first.loaded(60)
     first.end()
     assert not first.loaded(0)
     assert forked(first, serving.python, tmp_path, "print(1)").stdout == "1\n"
-    assert ForkServer.at(serving.python) is not first
+    assert bare(serving) is not first
 
 
 def test_a_script_that_stops_its_server_holds_nobody_up(
     serving: Environment, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(bounded_program, "FORK_SECONDS", 0.5)
-    server = ForkServer.at(serving.python)
+    server = bare(serving)
     stopping = "import os, signal; os.kill(os.getppid(), signal.SIGSTOP); print('done')"
     done = forked(server, serving.python, tmp_path, stopping)
     assert (done.status, done.stdout) == (1, "done\n") and done.seconds < 10
     assert forked(server, serving.python, tmp_path, "print('alone')").stdout == "alone\n"
-    another = ForkServer.at(serving.python)
+    another = bare(serving)
     assert another is not server and server._process.poll() is not None
     assert forked(another, serving.python, tmp_path, "print('well')").stdout == "well\n"
 
@@ -147,7 +159,7 @@ HOLDS = """
 import sys, time
 from pathlib import Path
 from octoform.endpoint.bounded_program import ForkServer
-server = ForkServer.at(Path(sys.argv[1]))
+server = ForkServer.at(Path(sys.argv[1]), 'pictures')
 assert server.loaded(60)
 print(server._process.pid, flush=True)
 time.sleep(600 if "stays" in sys.argv else 0)
