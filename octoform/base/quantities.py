@@ -75,6 +75,7 @@ def unit_in(description: Any) -> str | None:
     found = {
         _SPELLINGS[word]
         for word in _LONG
+        if word in text
         for at in re.finditer(rf"(?<!\w){re.escape(word)}(?!\w)", text)
         if not _OF_ANOTHER_NUMBER.search(text, 0, at.start())
     }

@@ -194,7 +194,7 @@ def _is_of_file(source: Source, flow: Flow, node: ast.AST, depth: int = 8) -> bo
         belongs = [node.func.value] if method and isinstance(node.func, ast.Attribute) else []
         parts: list[ast.expr] = [*belongs, *node.args] if method or PURE.fullmatch(name) else []
     else:
-        parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
+        parts = [item for item in children(node) if isinstance(item, ast.expr)]
     lines = [item for item in parts if flow.of(item) & (Origin.READ | Origin.SYSTEM)]
     return bool(lines) and all(_is_of_file(source, flow, item, depth - 1) for item in lines)
 

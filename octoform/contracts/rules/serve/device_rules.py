@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.server_source import Function, Source, needed_source, walk
+from octoform.contracts.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 # Constructors and functions of device libraries, by the last part of their name.
@@ -173,7 +173,7 @@ def _run_at_import(source: Source) -> Iterator[ast.Call]:
             if name in bodies and name not in entered:
                 entered.add(name)
                 queue += bodies[name].body
-        queue += list(ast.iter_child_nodes(node))
+        queue += children(node)
 
 
 def _is_main_guard(node: ast.stmt) -> bool:

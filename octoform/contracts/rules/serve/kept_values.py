@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 
 from octoform.contracts.rules.serve.flow import Flow
 from octoform.contracts.rules.serve.origins import SELF, Origin, defaults
-from octoform.contracts.server_source import Function, Source, walk
+from octoform.contracts.server_source import Function, Source, children, walk
 
 Cell = tuple[object, str]
 """Where a value is kept: what it belongs to (a function, the name of a class, None for the module), and its name."""
@@ -53,7 +53,7 @@ class Kept:
             return self.holds(node.value, depth - 1)
         if isinstance(node, ast.IfExp):
             return self.holds(node.body, depth - 1) or self.holds(node.orelse, depth - 1)
-        parts = ast.iter_child_nodes(node) if isinstance(node, ast.BinOp | ast.BoolOp | ast.UnaryOp | ast.Await) else ()
+        parts = children(node) if isinstance(node, ast.BinOp | ast.BoolOp | ast.UnaryOp | ast.Await) else ()
         return any(self.holds(item, depth - 1) for item in parts)
 
     def cell(self, node: ast.AST) -> Cell | None:

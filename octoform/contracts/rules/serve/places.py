@@ -3,6 +3,7 @@
 import ast
 import re
 from collections.abc import Iterator, Sequence
+from functools import lru_cache
 
 from octoform.base.escaping import display
 from octoform.contracts.rules.serve.flow import Flow
@@ -27,8 +28,13 @@ _TEXTS = (ast.Constant, ast.BinOp, ast.JoinedStr, ast.Call)
 _BY_NUMBER = frozenset({"VideoCapture", "SMBus", "SpiDev", "I2C", "SPI", "Picamera2"})
 
 
-def literal_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
+@lru_cache(maxsize=4)
+def literal_places(source: Source, flow: Flow) -> tuple[tuple[ast.AST, str], ...]:
     """Where a place is written down, each with what is wrong with it."""
+    return tuple(_written_places(source, flow))
+
+
+def _written_places(source: Source, flow: Flow) -> Iterator[tuple[ast.AST, str]]:
     names: set[ast.AST] = set()
     for node in source.nodes:
         if not isinstance(node, _TEXTS) or (names and names & _upwards(source, node)):

@@ -8,6 +8,7 @@ well.
 import ast
 import re
 from collections.abc import Iterator
+from functools import lru_cache
 
 from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -15,7 +16,7 @@ from octoform.contracts.rules.serve.flow import Flow, flow_of
 from octoform.contracts.rules.serve.origins import Origin
 from octoform.contracts.rules.serve.places import constants, literal_places
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Function, Source, needed_source, walk
+from octoform.contracts.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _ELSEWHERE = re.compile(
@@ -160,11 +161,12 @@ def _surely_called(node: ast.expr) -> Iterator[ast.Call]:
     if isinstance(node, ast.Call):
         yield node
     if not isinstance(node, ast.IfExp | ast.BoolOp | ast.Lambda | ast.ListComp | ast.SetComp | ast.DictComp):
-        for item in ast.iter_child_nodes(node):
+        for item in children(node):
             if isinstance(item, ast.expr) and not isinstance(item, ast.GeneratorExp):
                 yield from _surely_called(item)
 
 
+@lru_cache(maxsize=64)
 def does_nothing(source: Source, function: Function) -> bool:
     """Whether a function is empty, or only raises."""
     return _empty(function) or _always_raises(source, function.body, frozenset({function.name}))

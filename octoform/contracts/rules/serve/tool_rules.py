@@ -6,6 +6,7 @@ not there. The gate is before tools alone, so whatever else a server could offer
 
 import ast
 from collections.abc import Collection, Iterator
+from functools import lru_cache
 
 from octoform.base.escaping import display, escaped, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
@@ -45,7 +46,7 @@ def no_server(value: str, _: Artifacts) -> list[Diagnostic]:
 def tools_differ(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """The registered tools are those of INTERFACE."""
     source = needed_source(value)
-    sites = list(tool_sites(source))
+    sites = tool_sites(source)
     wanted = {tool["name"] for tool in (artifacts.interface or {"tools": []})["tools"]}
     present = [site.name for site in sites if site.name is not None]
     out = []
@@ -145,8 +146,13 @@ RULES = (
 )
 
 
-def tool_sites(source: Source) -> Iterator[ToolSite]:
+@lru_cache(maxsize=4)
+def tool_sites(source: Source) -> tuple[ToolSite, ...]:
     """Each place that registers a tool: a decorated function, ``mcp.tool(...)`` on one, or ``add_tool``."""
+    return tuple(_registrations(source))
+
+
+def _registrations(source: Source) -> Iterator[ToolSite]:
     servers = _servers(source)
     decorators: set[ast.AST] = set()
     for function in source.functions:
@@ -180,9 +186,10 @@ def readings_of(tool: JsonObject, artifacts: Artifacts) -> list[JsonObject]:
 
 def tool_functions(source: Source, site: ToolSite) -> list[Function]:
     """The functions that a call of the tool runs first: the registered one, or those that the registration names."""
+    if not isinstance(site.node, ast.Call):
+        return [item for item in source.functions if item is site.node]
     named = {item.id for item in walk(site.node) if isinstance(item, ast.Name)}
-    called = isinstance(site.node, ast.Call)
-    return [item for item in source.functions if item is site.node or (called and item.name in named)]
+    return [item for item in source.functions if item.name in named]
 
 
 def tools_importing(value: str, modules: Collection[str]) -> dict[str, str]:

@@ -18,7 +18,7 @@ from octoform.contracts.rules.serve.kept_values import Kept
 from octoform.contracts.rules.serve.origins import Origin, last
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Source, needed_source, walk
+from octoform.contracts.server_source import Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"
@@ -47,13 +47,13 @@ def default_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     served = list(served_tools(source, artifacts))
     used = {function for site, _ in served for function in source.entered_from(tool_functions(source, site))}
     read = {name: unit for _, tool in served for name, unit in numbers_read(tool.get("output_schema") or {})}
-    kept, substitutes, out = Kept(source, flow), _Substitutes(source, flow), []
+    kept, substitutes, stored, out = Kept(source, flow), _Substitutes(source, flow), stored_members(source), []
     for node in (each for each in source.nodes if source.owner(each) in used):
-        for name, each in stored_members(source).get(node, ()):
+        for name, each in stored.get(node, ()):
             if name in read and kept.holds(each) and is_measured(node, name, [read[name]], frozenset()):
                 why = f"a {display(name)} of an earlier call replaces a reading"
                 out.append(source.problem("SERVE-DEFAULT-READING", each, why, _AGAIN))
-        for place, absent in substitutes.at(node):
+        for place, absent in substitutes.at(node) if isinstance(node, _SUBSTITUTING) else ():
             out.append(source.problem("SERVE-DEFAULT-READING", place, f"a made-up value replaces {absent}", hint))
     return out
 
@@ -206,7 +206,7 @@ def _has_number(flow: Flow, node: ast.expr, depth: int = 5) -> bool:
     if isinstance(node, ast.Constant):
         return type(node.value) in (int, float)
     if isinstance(node, ast.UnaryOp | ast.BinOp | ast.Call):
-        parts = [item for item in ast.iter_child_nodes(node) if isinstance(item, ast.expr)]
+        parts = [item for item in children(node) if isinstance(item, ast.expr)]
         return any(_has_number(flow, item, depth - 1) for item in parts)
     return False
 
@@ -219,7 +219,7 @@ class _Substitutes:
 
     def at(self, node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
         """(where, for what) of the number at one node."""
-        if not isinstance(node, _SUBSTITUTING) or self._orders(node):
+        if self._orders(node):
             return
         if isinstance(node, ast.Try):
             yield from self._after_failure(node)
