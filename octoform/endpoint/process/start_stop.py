@@ -45,6 +45,8 @@ PUBLISHED_BYTES = 4 * 1024 * 1024
 """Bytes that publishing an endpoint takes, copies included."""
 KEPT_CHILD = "runtime-child"
 _STEP = 0.02
+_SHARE = 0.05
+"""Of the time since a start began, the share until the next look: a slow host is not looked at more often."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,8 +107,12 @@ def _left(found: Diagnostic) -> Diagnostic:
 
 def accepts(layout: Layout) -> bool:
     """True when something takes clients at the endpoint's socket, be it slowly."""
+    return _takes_clients(os.fspath(layout.socket))
+
+
+def _takes_clients(socket: str) -> bool:
     try:
-        greeted(layout.socket, 1.0).close()
+        greeted(socket, 1.0).close()
     except BlockingIOError:  # so many wait there already
         return True
     except OSError:
@@ -230,19 +236,20 @@ def _start(layout: Layout, end: float) -> tuple[Running | None, Diagnostic | Non
     with os.fdopen(_private(layout.server_log), "ab") as log:
         mark = log.tell()
     begun: _Begun = systemd.started(layout) or _Detached(layout)
-    patience, pause = time.monotonic() + STOP_SECONDS, _STEP
-    while time.monotonic() < end:
+    socket, asked = os.fspath(layout.socket), time.monotonic()
+    patience, pause = asked + STOP_SECONDS, _STEP
+    while (now := time.monotonic()) < end:
         # In this order: the process that answers owns the endpoint, and then the record has no process before it.
-        if accepts(layout) and (found := running(layout)) is not None:
+        if _takes_clients(socket) and (found := running(layout)) is not None:
             return found, None
         why = begun.ended()
         if why is not None:
-            if not begun.taken or time.monotonic() > patience:
+            if not begun.taken or now > patience:
                 return None, _held(layout) if begun.taken else _failed(layout, mark, why)
             time.sleep(pause)  # the owner may be one that was killed and is not wholly gone
             pause *= 2
             begun = _Detached(layout)
-        time.sleep(_STEP)
+        time.sleep(max(_STEP, (now - asked) * _SHARE))
     begun.give_up()
     return None, _failed(layout, mark, "it takes no clients")
 
