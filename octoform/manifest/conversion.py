@@ -301,7 +301,8 @@ class _Builder:
     def steps(self) -> StageSettings:
         """The settings for every privileged step: the general settings."""
         agent = of_steps(self._source)
-        return StageSettings(self._harness(agent), _model(agent), _budget(self._source.budget, document.StageBudget()))
+        budget = _budget(self._source.budget, document.StageBudget.model_construct())
+        return StageSettings(self._harness(agent), _model(agent), budget)
 
     def _harness(self, agent: Agent) -> HarnessSpec:
         chosen = agent.harness

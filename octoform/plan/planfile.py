@@ -21,7 +21,7 @@ from octoform.records import dataclass
 class Unit(BaseModel):
     """The constraints of one node: known key parts, the prior key, the artifact's digest."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     parts: dict[str, str]
     prior: str | None
@@ -31,7 +31,7 @@ class Unit(BaseModel):
 class PlanFile(BaseModel):
     """The document that ``plan -out`` writes and ``apply FILE`` obeys."""
 
-    model_config = ConfigDict(extra="forbid", frozen=True)
+    model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     format: Literal[1] = 1
     kind: Literal["octoform plan"] = "octoform plan"

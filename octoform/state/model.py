@@ -26,9 +26,12 @@ class Status(StrEnum):
 
 
 class Persisted(BaseModel):
-    """Base of everything in the state file: immutable, finite numbers only, unknown fields kept."""
+    """Base of everything in the state file: immutable, finite numbers only, unknown fields kept.
 
-    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False)
+    pydantic compiles a class with its first value: most commands read a few of these documents, and none reads all.
+    """
+
+    model_config = ConfigDict(frozen=True, extra="allow", allow_inf_nan=False, defer_build=True)
 
 
 class Usage(Persisted):

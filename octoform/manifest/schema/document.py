@@ -90,7 +90,7 @@ class Stage(Table):
     """Which agent runs this stage."""
     model: Model | None = None
     """Which model that agent uses."""
-    budget: StageBudget = StageBudget()
+    budget: StageBudget = StageBudget.model_construct()
     """What this stage may use."""
 
 
@@ -113,19 +113,19 @@ class IdentifyStage(Stage):
 class Stages(Table):
     """Settings of single stages."""
 
-    probe: Stage = Stage()
+    probe: Stage = Stage.model_construct()
     """What the operating system sees."""
-    identify: IdentifyStage = IdentifyStage()
+    identify: IdentifyStage = IdentifyStage.model_construct()
     """What each device is."""
-    interface: Stage = Stage()
+    interface: Stage = Stage.model_construct()
     """Which tools the devices give."""
-    serve: Stage = Stage()
+    serve: Stage = Stage.model_construct()
     """The server that implements the tools."""
-    deploy: Stage = Stage()
+    deploy: Stage = Stage.model_construct()
     """What the server needs to run."""
-    watch: Stage = added(Stage())
+    watch: Stage = added(Stage.model_construct())
     """What is wrong, where the daemon's own rules cannot decide it."""
-    heal: Stage = added(Stage())
+    heal: Stage = added(Stage.model_construct())
     """The repair of what is wrong, as a candidate that is proved before it is taken."""
 
 
@@ -199,7 +199,7 @@ class Document(Table):
     """Where the endpoint listens in the scopes intranet and internet."""
     tunnel: Tunnel | None = added(None)
     """How the endpoint gets its address in the scope internet."""
-    policy: Policy = added(Policy())
+    policy: Policy = added(Policy.model_construct())
     """What the endpoint's tools may do, for every client."""
     privileged_steps: Annotated[
         list[StepName], AfterValidator(distinct), Field(max_length=MAX_STEPS, json_schema_extra=UNIQUE)
@@ -211,21 +211,21 @@ class Document(Table):
     """Knowledge about hardware: markdown files relative to this one, or the text of such a file, beginning with ---."""
     answers: Annotated[dict[DeviceId, Answer], Field(max_length=MAX_ANSWERS, json_schema_extra=CLOSED)] = added({})
     """What a person answers about a device that evidence cannot settle, by the device's id."""
-    perception: Perception = added(Perception())
+    perception: Perception = added(Perception.model_construct())
     """Looking through a camera of the host."""
-    daemon: Daemon = added(Daemon())
+    daemon: Daemon = added(Daemon.model_construct())
     """How the deployment is kept alive."""
-    stages: Stages = Stages()
+    stages: Stages = Stages.model_construct()
     """Another harness, model or budget for single stages."""
-    budget: Budget = Budget()
+    budget: Budget = Budget.model_construct()
     """What each stage may use."""
     prices: dict[Model, Price] = added({})
     """What models cost, by their name as under `model`; for those that no price list knows."""
     housekeeping: Housekeeping | None = added(None)
     """A small model that condenses long logs."""
-    lifecycle: Lifecycle = Lifecycle()
+    lifecycle: Lifecycle = Lifecycle.model_construct()
     """What may happen to things that exist."""
-    git: Git = Git()
+    git: Git = Git.model_construct()
     """How octoform works with the repository."""
 
 

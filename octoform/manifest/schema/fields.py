@@ -172,6 +172,10 @@ Rate = Annotated[float, Field(ge=0, le=MAX_DOLLARS, allow_inf_nan=False)]
 
 
 class Table(BaseModel):
-    """Base of all tables: nothing unknown, nothing converted."""
+    """Base of all tables: nothing unknown, nothing converted.
 
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+    pydantic compiles a table when a value of it is first validated, and with it the tables within. So only the whole
+    document is ever compiled, as long as a default table is made by ``model_construct``, which validates nothing.
+    """
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, defer_build=True)

@@ -324,7 +324,7 @@ class Daemon(Table):
     """US dollars that agents may cost in an hour; without it there is no limit."""
     claim_expiry: Duration = "30m"
     """The longest that a claim about the hardware holds without new evidence."""
-    notify: Notify = Notify()
+    notify: Notify = Notify.model_construct()
     """Who is notified of a problem that a person should know of."""
     metrics: (
         Annotated[

@@ -230,3 +230,24 @@ def test_light_modules_stay_light(module: str) -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+COMPILED = """
+import sys
+from pathlib import Path
+from octoform.manifest.loader import load
+from octoform.manifest.schema.document import Table
+
+assert load(Path(sys.argv[1]), {})[0] is not None
+tables = [Table]
+for table in tables:
+    tables += table.__subclasses__()
+print(*(table.__name__ for table in tables if table.__pydantic_complete__))
+"""
+
+
+def test_no_table_of_a_manifest_is_compiled_but_the_whole(tmp_path: Path) -> None:
+    path = tmp_path / "octopus.yaml"
+    path.write_text("version: 1\nharness: {name: builtin}\npolicy: {rules: [{tools: [x], decision: deny}]}\n")
+    ended = subprocess.run([sys.executable, "-c", COMPILED, str(path)], capture_output=True, text=True, check=True)
+    assert ended.stdout.split() == ["Document"]
