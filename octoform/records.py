@@ -1,4 +1,4 @@
-"""`dataclass` for records: as that of the standard library, with the methods of a class compiled together.
+"""`dataclass` for records: as that of the standard library, but only one method of a class is compiled.
 
 The library of Python 3.11 compiles each method by itself, six for a frozen class (that of 3.13 compiles them at once).
 With some sixty such classes that was a quarter of a plan with nothing to do, and with three hundred a sixth of an
@@ -8,6 +8,8 @@ library's. Light: standard library only.
 
 import dataclasses
 import reprlib
+from collections.abc import Callable, Sequence
+from operator import attrgetter
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -32,6 +34,9 @@ def _record(cls: type[Any]) -> type[Any]:
         raise TypeError(f"{cls.__name__} is more than a record: use dataclasses.dataclass")
     methods: dict[str, Any] = {}
     exec(_source(fields), _names(fields), methods)  # its words are names of fields, as in the library's
+    methods["__eq__"] = _equality(_values([field.name for field in fields if field.compare]))
+    hashed = [field.name for field in fields if (field.compare if field.hash is None else field.hash)]
+    methods["__hash__"] = _hash(_values(hashed))
     shared = {
         "__repr__": _repr,
         "__setattr__": _refuse_setting,
@@ -48,7 +53,7 @@ def _record(cls: type[Any]) -> type[Any]:
 
 
 def _source(fields: tuple[dataclasses.Field[Any], ...]) -> str:
-    """``__init__``, ``__eq__`` and ``__hash__`` as text."""
+    """``__init__`` as text."""
     given = "".join(f", {field.name}{'' if _is_required(field) else f'=_default_{field.name}'}" for field in fields)
     lines = [f"def __init__(self{given}):"]
     for field in fields:
@@ -56,18 +61,7 @@ def _source(fields: tuple[dataclasses.Field[Any], ...]) -> str:
         if field.default_factory is not dataclasses.MISSING:
             value = f"_make_{value}() if {value} is _UNGIVEN else {value}"
         lines.append(f" _set(self, {field.name!r}, {value})")
-    compared = "".join(f"self.{field.name}, " for field in fields if field.compare)
-    hashed = "".join(f"self.{each.name}, " for each in fields if (each.compare if each.hash is None else each.hash))
-    return "\n".join(
-        (
-            *(lines if fields else [*lines, " pass"]),
-            "def __eq__(self, other):",
-            " if other.__class__ is not self.__class__: return NotImplemented",
-            f" return ({compared}) == ({compared.replace('self.', 'other.')})",
-            "def __hash__(self):",
-            f" return hash(({hashed}))",
-        )
-    )
+    return "\n".join(lines if fields else [*lines, " pass"])
 
 
 def _names(fields: tuple[dataclasses.Field[Any], ...]) -> dict[str, Any]:
@@ -83,6 +77,27 @@ def _names(fields: tuple[dataclasses.Field[Any], ...]) -> dict[str, Any]:
 
 def _is_required(field: dataclasses.Field[Any]) -> bool:
     return field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+
+
+def _values(names: Sequence[str]) -> Callable[[Any], tuple[Any, ...]]:
+    """The function that gives the values of these fields of a record."""
+    if len(names) > 1:
+        return attrgetter(*names)
+    return lambda record: tuple(getattr(record, name) for name in names)
+
+
+def _equality(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any, Any], Any]:
+    def __eq__(self: Any, other: Any) -> Any:
+        return values(self) == values(other) if other.__class__ is self.__class__ else NotImplemented
+
+    return __eq__
+
+
+def _hash(values: Callable[[Any], tuple[Any, ...]]) -> Callable[[Any], int]:
+    def __hash__(self: Any) -> int:
+        return hash(values(self))
+
+    return __hash__
 
 
 @reprlib.recursive_repr()
