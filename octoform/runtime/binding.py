@@ -90,7 +90,12 @@ def _two(packed: str, sign: str) -> tuple[str, str]:
 
 
 def kinds(path: Path) -> set[str]:
-    """Every word by which an id may call the device of this folder."""
+    """Every word by which an id may call the device of this folder; none for an interface, a part of a USB device.
+
+    An interface announces the ids of its device (PRODUCT in its uevent), and is no second one.
+    """
+    if ":" in path.name and subsystem(path)[1] == "usb":
+        return set()
     ids = vid_pid(path)
     return {ids} if ids else {slug(text) for text in _kind_texts(path)} - {""}
 

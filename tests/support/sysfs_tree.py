@@ -40,6 +40,8 @@ class Tree:
     ) -> Path:
         folder = self.root / "sys/devices" / path
         folder.mkdir(parents=True, exist_ok=True)
+        if name == "usb":
+            uevent = {**_usb_uevent(folder, attributes), **uevent}
         listing = self.root / "sys" / form / name / ("devices" if form == "bus" else "")
         listing.mkdir(parents=True, exist_ok=True)
         (folder / "subsystem").symlink_to(os.path.relpath(self.root / "sys" / form / name, folder))
@@ -50,3 +52,23 @@ class Tree:
             file.write_bytes(value if isinstance(value, bytes) else f"{value}\n".encode())
         (folder / "uevent").write_text("".join(f"{key}={value}\n" for key, value in uevent.items()))
         return folder
+
+
+def _usb_uevent(folder: Path, attributes: Mapping[str, str | bytes]) -> dict[str, str]:
+    """The variables by which the kernel announces a USB device, and each interface with the ids of its device.
+
+    See usb_dev_uevent and usb_uevent in drivers/usb/core of Linux.
+    """
+    is_interface = ":" in folder.name
+    ids = [_attribute(folder.parent, attributes, name, of_parent=is_interface) for name in ("idVendor", "idProduct")]
+    if not all(ids):
+        return {}
+    product = "/".join(f"{int(text, 16):x}" for text in (*ids, "0100"))
+    return {"DEVTYPE": "usb_interface" if is_interface else "usb_device", "PRODUCT": product}
+
+
+def _attribute(parent: Path, attributes: Mapping[str, str | bytes], name: str, *, of_parent: bool) -> str:
+    if of_parent:
+        return (parent / name).read_text().strip() if (parent / name).is_file() else ""
+    given = attributes.get(name, "")
+    return given.decode() if isinstance(given, bytes) else given

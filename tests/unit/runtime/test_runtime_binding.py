@@ -16,8 +16,10 @@ Instances = Callable[[dict[str, Any]], Path]
 
 
 def plug(tree: Tree, port: str, serial: str = "", root: str = "pci0/usb1") -> None:
-    """A board on a port."""
+    """A board of two interfaces on a port."""
     tree.usb(f"{root}/{port}", "1f00", "00c1", serial)
+    for number in range(2):
+        tree.bus(f"{root}/{port}/{port}:1.{number}", "usb")
 
 
 def at(port: str, serial: str = "", strength: str = "positional", root: str = "pci0/usb1") -> dict[str, str]:
@@ -59,6 +61,13 @@ def test_one_of_two_missing_twins_in_a_new_port_may_be_either(tree: Tree, instan
     assert read(BOARD) == "1-5"
     with pytest.raises(runtime.DeviceAbsent):
         read(TWIN)
+
+
+def test_one_without_a_number_is_moved_in_a_new_port_where_it_is_the_only_one(tree: Tree, instances: Instances) -> None:
+    """Each of its interfaces has the ids of the device too, and is no second one."""
+    instances({BOARD: at("1-2")})
+    plug(tree, "1-5")
+    assert move(BOARD) == read(BOARD) == "1-5"
 
 
 def test_one_moved_while_its_twin_stayed_is_known_by_what_is_left(tree: Tree, instances: Instances) -> None:
@@ -247,7 +256,6 @@ def test_the_lines_of_a_composite_device_keep_their_order_under_new_names(tree: 
     instances({BOARD: at("1-2")})
     plug(tree, "1-2")
     for interface, name in ((0, "ttyUSB7"), (1, "ttyUSB2")):
-        tree.bus(f"pci0/usb1/1-2/1-2:1.{interface}", "usb")
         tree.member(f"pci0/usb1/1-2/1-2:1.{interface}/{name}/tty/{name}", "tty", DEVNAME=name)
     assert [Path(node).name for node in runtime.device(BOARD).nodes("tty")] == ["ttyUSB7", "ttyUSB2"]
 

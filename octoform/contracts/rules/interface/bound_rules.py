@@ -144,6 +144,10 @@ def _ends_at_all(tool: JsonObject, name: str, member: Mapping[str, Any]) -> bool
 
 def choice_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A choice among the channels, the lights or the units of a device is one that IDENTIFY or PROBE has of it."""
+    return [*_name_unknown(value, artifacts), *_number_unknown(value, artifacts)]
+
+
+def _name_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         known = _parts_of(tool, artifacts)
@@ -167,7 +171,7 @@ _ONES = {"channels": frozenset({"channel", "sensor", "input"})}
 """Words for one of what IDENTIFY lists, where it is not the singular of the list's name."""
 
 
-def place_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+def _number_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A number that chooses among the channels or the lights of a device reaches no further than there are."""
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -472,7 +476,6 @@ RULES = (
     Rule("INTERFACE-LIMIT-UNIT", limit_in_another_unit),
     Rule("INTERFACE-RANGE-EMPTY", range_empty),
     Rule("INTERFACE-CHOICE-UNKNOWN", choice_unknown),
-    Rule("INTERFACE-CHOICE-UNKNOWN", place_unknown),
     Rule("INTERFACE-WAIT-TOO-LONG", wait_too_long),
     Rule("INTERFACE-EFFECT-UNDERSTATED", effect_understated),
     Rule("INTERFACE-PASSTHROUGH", passthrough),
