@@ -31,6 +31,8 @@ import warm
 from campaign.spoiling import MUTATIONS
 from projects import OCTOFORM, Project
 
+from octoform.endpoint.environment.model import MARKER
+
 LOOKS = (("plan",), ("status",), ("health",), ("tools",))
 OTHERS = (
     *(
@@ -293,7 +295,15 @@ class Subject:
                 inside = path.relative_to(self._kept)
                 (self.project.folder / inside).parent.mkdir(parents=True, exist_ok=True)
                 self.put_back(inside.as_posix())
-        self.project.run("start")
+        if self._start() != 0:
+            # An apply that was ended for its time leaves an environment half made, and its mark was put back.
+            for mark in (self.project.local / "environments").glob(f"*/{MARKER}"):
+                mark.unlink()
+            self.project.run(*APPLY, status=0)
+
+    def _start(self) -> int:
+        environ = self.project.environment()
+        return warm.run(OCTOFORM, ("start",), self.project.folder, environ, self._apply_seconds)[0]
 
 
 def spoilt(subject: Subject, mutations: int, seed: int, only: Sequence[str], share: tuple[int, int]) -> Iterator[Case]:
