@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
 
-from octoform.apply.project_files import MAX_TOLD, Gaps, above, at_start, inside, is_entry, listed, listing, names_in
+from octoform.apply.project_files import MAX_NAMED, Gaps, above, at_start, inside, is_entry, listed, listing, names_in
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
@@ -418,8 +418,8 @@ def _strangers(watch: Watch, undone: Path) -> list[Diagnostic]:
     hint = "check if it is yours; an agent that runs in a sandbox cannot write there"
     summary = "a file outside of the attempt's folder was written while the agent ran; it was left as it is"
     named = [_name(watch.project, path) for path in changed]
-    found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:MAX_TOLD]]
-    more = named[MAX_TOLD:]
+    found = [warning("APPLY-OUTSIDE-WRITE", summary, path=name, hint=hint) for name in named[:MAX_NAMED]]
+    more = named[MAX_NAMED:]
     if more:
         summary = f"{len(more)} more files outside of the attempt's folder were written; they were left as they are"
         found.append(warning("APPLY-OUTSIDE-WRITE", summary, detail=listed(more), hint=hint))

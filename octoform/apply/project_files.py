@@ -17,7 +17,7 @@ MAX_FILES = 5000
 _MAX_LINKED = 1000
 """Entries of a folder that a link leads to; a larger one is no folder of instructions."""
 _MAX_HOPS = 8
-MAX_TOLD = 20
+MAX_NAMED = 20
 """Names that a person reads."""
 _SKIPPED = frozenset((".git", ".octoform", "node_modules"))
 """Folders that other programs fill all the time."""
@@ -99,8 +99,8 @@ def _own_streams() -> set[tuple[int, int]]:
 
 def listed(names: list[str]) -> str:
     """Names, as many as a person reads; where there are more, the folders in which they lie."""
-    shown = names if len(names) <= MAX_TOLD else list(dict.fromkeys(str(Path(name).parent) for name in names))
-    return ", ".join(shown[:MAX_TOLD]) + (", ..." if len(shown) > MAX_TOLD else "")
+    shown = names if len(names) <= MAX_NAMED else list(dict.fromkeys(str(Path(name).parent) for name in names))
+    return ", ".join(shown[:MAX_NAMED]) + (", ..." if len(shown) > MAX_NAMED else "")
 
 
 def at_start(name: str) -> bool:

@@ -21,7 +21,7 @@ from octoform.builtin.probe.stage import probe
 from octoform.builtin.probe.udev import FOLDER, JOINED, SERIAL, UdevDatabase, key_of
 from octoform.builtin.task import Task
 
-MAX_UNSAID = 500
+MAX_FINDINGS = 500
 MAX_FOLDERS, MAX_FILES = 400, 4000
 _LINES = "raw_descriptor"
 _TEXTS = ("name", "interface")
@@ -93,7 +93,7 @@ def beside(given: Mapping[str, Any], root: Path) -> dict[str, Any]:
     """``probe``, ``unsaid`` and ``untrue`` for another agent's PROBE of the host below ``root``."""
     reader = Reader(str(root))
     own: Any = probe(reader)
-    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(root))))[:MAX_UNSAID]
+    unsaid = list(_unsaid(given, own, _Host(reader, IdDatabases(root))))[:MAX_FINDINGS]
     return {"probe": own, "unsaid": unsaid, "untrue": list(_untrue(given, reader))}
 
 

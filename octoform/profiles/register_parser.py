@@ -26,7 +26,7 @@ from octoform.profiles.registers import (
 
 # Read the commands of a register definition: each does one thing of a closed list, with names that resolve. Pure.
 
-MAX_COMMANDS, MAX_TOLD = 40, 20
+MAX_COMMANDS, MAX_READ_FIELDS = 40, 20
 COMMAND_FIELDS = ("tool", "do", "about", "fields", "scale", "pose", "release")
 _MOVES = ("move_unit", "move_units", "pose")
 _OF: Mapping[str, tuple[str, ...]] = {
@@ -74,9 +74,9 @@ def _command(found: Found, given: object, place: Place, registers: Registers) ->
 
 def _reads(found: Found, item: Mapping[str, Any], place: Place, registers: Registers) -> None:
     where, fields = (*place, "fields"), item.get("fields")
-    if not isinstance(fields, list) or not 1 <= len(fields) <= MAX_TOLD:
+    if not isinstance(fields, list) or not 1 <= len(fields) <= MAX_READ_FIELDS:
         hint = f"its fields are among {', '.join(registers.fields)}" if registers.fields else None
-        found.add(where, f"the command does not list 1 to {MAX_TOLD} fields that it reads", hint)
+        found.add(where, f"the command does not list 1 to {MAX_READ_FIELDS} fields that it reads", hint)
         return
     for index, name in enumerate(fields):
         if found.named(name, registers.fields, (*where, index), "field") and name in fields[:index]:

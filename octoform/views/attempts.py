@@ -17,7 +17,7 @@ from octoform.views.format.values import escape, money, one_line, tokens, used
 
 LATEST = 20
 MAX_CALLS = 200
-MAX_TROUBLES = 20
+MAX_FAILURES = 20
 WIDTH = 160
 STYLES = {"+": "green", "-": "red", "@": "cyan"}
 COLUMNS = (
@@ -187,11 +187,11 @@ def _problem_lines(detail: Detail) -> Iterator[str]:
     if not troubles:
         return
     yield "  problems"
-    for at, trouble in troubles[:MAX_TROUBLES]:
+    for at, trouble in troubles[:MAX_FAILURES]:
         kind = "closed" if isinstance(trouble, Closed) else trouble.reason.value
         yield f"    {at:7.1f}s  {kind}  {one_line(trouble.text, WIDTH)}".rstrip()
-    if len(troubles) > MAX_TROUBLES:
-        yield f"    and {len(troubles) - MAX_TROUBLES} more, in the transcript"
+    if len(troubles) > MAX_FAILURES:
+        yield f"    and {len(troubles) - MAX_FAILURES} more, in the transcript"
 
 
 def _spec(console: Console, detail: Detail) -> Iterator[str]:
@@ -228,7 +228,7 @@ def _more(detail: Detail) -> dict[str, Any]:
         "tool_calls_failed": detail.calls_failed,
         "troubles": [
             {"at": at, "reason": None if isinstance(item, Closed) else item.reason.value, "text": item.text}
-            for at, item in troubles[:MAX_TROUBLES]
+            for at, item in troubles[:MAX_FAILURES]
         ],
         "troubles_in_all": len(troubles),
     }

@@ -79,7 +79,7 @@ def _cut(value: object, width: int = MAX_SOURCES) -> str:
 
 MAX_LINES = 100
 """Of the parts of a key and of the facts about a node that are shown; a program is given all."""
-MAX_WIDE = 40
+MAX_COLUMN = 40
 
 
 def show(console: Console, snapshot: Snapshot, *, as_json: bool) -> int:
@@ -130,7 +130,7 @@ def _node(console: Console, name: str, state: NodeState) -> None:
     say(f"  output    {_line(plan_text.show(state.output_digest))}")
     say(f"  key       {_line(plan_text.show(state.key))}")
     parts = [(_line(part), _line(plan_text.show(value))) for part, value in sorted(state.key_parts.items())[:MAX_LINES]]
-    wide = min(MAX_WIDE, max((len(part) for part, _ in parts), default=0))
+    wide = min(MAX_COLUMN, max((len(part) for part, _ in parts), default=0))
     for part, value in parts:
         say(f"    {part:<{wide}} {value}")
     known = {"contract", *TOLD}

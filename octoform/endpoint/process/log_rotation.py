@@ -16,7 +16,7 @@ from octoform.state.layout import Layout
 
 ARCHIVES = 5
 """How many are kept of each log."""
-MAX_ERRORS = 4_000_000
+MAX_ERROR_BYTES = 4_000_000
 """Bytes of errors of archives that are gone; the newest stay."""
 _CHUNK = 1 << 20
 _LINE = 64 * 1024
@@ -109,8 +109,8 @@ def _keep_errors(archive: Path, errors: Path) -> None:
     if not found:
         return
     former = read(errors, follow=False) if errors.exists() else b""
-    kept = (former + found)[-MAX_ERRORS:]
-    if len(former) + len(found) > MAX_ERRORS:
+    kept = (former + found)[-MAX_ERROR_BYTES:]
+    if len(former) + len(found) > MAX_ERROR_BYTES:
         kept = kept.partition(b"\n")[2]
     replace(errors, kept)
 

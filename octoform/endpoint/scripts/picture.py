@@ -21,7 +21,7 @@ PNG = b"\x89PNG\r\n\x1a\n"
 CHANNELS = {0: 1, 2: 3, 4: 2, 6: 4}
 COLOURED = (2, 6)
 JPEG, JPEG_END = b"\xff\xd8", b"\xff\xd9"
-MAX_BY_HAND = 1_000_000
+MAX_PIXELS = 1_000_000
 WIDTH, HEIGHT = 64, 48
 NOT_MIDDLE = [0 if level == 128 else 255 for level in range(256)]
 
@@ -152,7 +152,7 @@ def shrunk(grey: bytes, width: int, height: int) -> bytes:
 def png_grey(raw: bytes) -> tuple[int, int, bytes]:
     """Width, height and the brightness of all pixels; ValueError for depths and layouts that are not read here."""
     width, height, depth, colour, _, _, interlaced = struct.unpack(">IIBBBBB", raw[16:29])
-    if depth != 8 or interlaced or width * height > MAX_BY_HAND:
+    if depth != 8 or interlaced or width * height > MAX_PIXELS:
         raise ValueError("not a plain 8-bit picture")
     size = CHANNELS[colour]
     packed, at = b"", 8

@@ -57,7 +57,7 @@ def test_the_oldest_archive_goes_and_its_errors_stay(layout: Layout) -> None:
 
 
 def test_errors_are_bounded_by_whole_lines_the_newest_first(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(log_rotation, "MAX_ERRORS", 40)
+    monkeypatch.setattr(log_rotation, "MAX_ERROR_BYTES", 40)
     for number in range(4):
         old = layout.logs / "server.log.9"
         old.write_bytes(b"an Error of number %d\nnothing\n" % number)
