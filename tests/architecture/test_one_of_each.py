@@ -3,8 +3,10 @@
 import ast
 import functools
 import re
+from collections import Counter
 from pathlib import Path
 
+from architecture import parsed
 from cases import for_each
 
 ROOT = Path(__file__).parents[2] / "octoform"
@@ -80,3 +82,22 @@ def test_a_second_copy_is_found() -> None:
     program = f"{first}\nif __name__ == '__main__':\n    step()"
     assert holders(pattern, {"a.py": first, "b.py": first}) == ["a.py", "b.py"]
     assert holders(pattern, {"a.py": first, "b.py": program}) == ["a.py"]
+
+
+def assigned_twice(source: str) -> list[str]:
+    """The constants of a module that it assigns again, whose first value is so in force for no one who calls."""
+    found = Counter(
+        node.id
+        for statement in parsed.tree(source).body
+        if isinstance(statement, ast.Assign)
+        for target in statement.targets
+        for node in ast.walk(target)
+        if isinstance(node, ast.Name) and node.id.isupper()
+    )
+    return [name for name, count in found.items() if count > 1]
+
+
+def test_a_constant_is_assigned_once() -> None:
+    twice = {path.relative_to(ROOT).as_posix(): assigned_twice(path.read_text()) for path in FILES}
+    assert {name: names for name, names in twice.items() if names} == {}
+    assert assigned_twice("LIMIT, SIZE = 20, 4\nOTHER = 1\nLIMIT = 40\n") == ["LIMIT"]
