@@ -33,9 +33,11 @@ from octoform.endpoint.environment.model import (
     packages_of,
     pins,
 )
+from octoform.endpoint.published_files import read_manifest
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
+_BYTECODE = "__pycache__"
 Built = tuple[Environment | None, tuple[Diagnostic, ...]]
 
 
@@ -52,7 +54,8 @@ def build(layout: Layout, lock_text: str, timeout: float = 600.0, *, again: bool
             return environment, ()
         problem = _make(environment, lock_text, timeout) or _seal(environment, lock_text)
         if problem is None:
-            _share_bytecode(layout, environment)
+            with suppress(OSError):  # what is not shared is compiled when it is imported
+                _share_bytecode(layout, environment)
     if problem is not None:
         shutil.rmtree(environment.path, ignore_errors=True)
         return None, (problem,)
@@ -104,38 +107,54 @@ def _make(environment: Environment, lock_text: str, timeout: float) -> Diagnosti
 
 
 def _share_bytecode(layout: Layout, environment: Environment) -> None:
-    """Link the bytecode of another environment's equal files, which saves two CPU seconds of compiling.
+    """Give it the bytecode of another environment's equal files, which saves two CPU seconds of compiling.
 
-    Bytecode names the time and size of its source, so what does not fit is compiled again; and Python replaces such
-    files, never rewrites them, so a link is safe. Where the package tool's cache lies on another file system, it copies
-    the sources, each with a time of its own: equal ones are given the same.
+    An environment without an endpoint is dropped when one is published: its folders of bytecode are moved, and only the
+    newest still has them. The files of one that serves are linked. Bytecode names the time and size of its source, so
+    what does not fit is compiled again; and Python replaces such files, never rewrites them, so a link is safe.
     """
-    others = [at(path) for path in sorted(layout.environments.iterdir()) if FOLDER_NAME.fullmatch(path.name)]
-    donor = next((item for item in others if item and item.path != environment.path and not intact(item)), None)
+    folders = (path for path in layout.environments.iterdir() if FOLDER_NAME.fullmatch(path.name))
+    others = [found for path in folders if path != environment.path and (found := at(path)) is not None]
+    others.sort(key=lambda each: (each.path / MARKER).stat().st_mtime_ns, reverse=True)
+    donor = next((each for each in others if not intact(each)), None)
     if donor is None:
         return
+    manifest = read_manifest(layout) or {}
+    serves = str(donor.path) in (manifest.get("environment"), manifest.get("previous_environment"))
     source, target = packages_of(donor.path), packages_of(environment.path)
-    for cache in source.rglob("__pycache__"):
-        folder = target / cache.relative_to(source)
-        if folder.parent.is_dir() and not folder.exists():
-            folder.mkdir()
-            for path in cache.iterdir():
-                name = f"{path.name.partition('.')[0]}.py"
-                try:
-                    os.link(path, folder / path.name)
-                    _give_time(cache.parent / name, folder.parent / name)
-                except OSError:  # a file system without links: the packages are compiled when they are imported
-                    return
+    for place, names, _ in os.walk(source):
+        if _BYTECODE in names:
+            names.remove(_BYTECODE)
+            cache = Path(place, _BYTECODE)
+            folder = target / cache.relative_to(source)
+            with suppress(OSError):  # a package that is not there, or a file system without links
+                (_link_files if serves else Path.rename)(cache, folder)
+                _give_times(cache.parent, folder)
 
 
-def _give_time(source: Path, copy: Path) -> None:
-    """Give a file of its own the time of an equal one."""
-    if not source.is_file() or not copy.is_file():
-        return
-    wanted, present = source.stat(), copy.stat()
-    differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_nlink == 1 and present.st_size == wanted.st_size
-    if differs and filecmp.cmp(source, copy, shallow=False):
-        os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
+def _link_files(folder: Path, target: Path) -> None:
+    target.mkdir()
+    for path in folder.iterdir():
+        os.link(path, target / path.name)
+
+
+def _give_times(sources: Path, cache: Path) -> None:
+    """Give sources beside this bytecode the times of equal ones in another folder.
+
+    Where the package tool's cache lies on another file system, it copies all files, each with a time of its own; else
+    they are links, which have one time.
+    """
+    for path in cache.iterdir():
+        name = f"{path.name.partition('.')[0]}.py"
+        source, copy = sources / name, cache.parent / name
+        if not source.is_file() or not copy.is_file():
+            continue
+        wanted, present = source.stat(), copy.stat()
+        if present.st_nlink > 1:
+            return
+        differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_size == wanted.st_size
+        if differs and filecmp.cmp(source, copy, shallow=False):
+            os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
 
 
 def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:

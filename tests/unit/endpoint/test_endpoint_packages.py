@@ -1,5 +1,6 @@
 """Locks and environments, built from tiny packages without any index."""
 
+import json
 import os
 import shutil
 from pathlib import Path
@@ -14,6 +15,7 @@ from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import normalise, resolve
 from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, packages_of, pins
+from octoform.endpoint.published_files import MANIFEST
 from octoform.state.layout import Layout
 
 
@@ -223,23 +225,40 @@ def test_pruning_keeps_what_is_named_and_drops_the_rest(layout: Layout, wheelhou
     assert foreign.exists()
 
 
+IMPORT = "import alpha; print(alpha.__cached__)"
+
+
+def loaded(environment: Environment, layout: Layout) -> tuple[Path, int]:
+    """Where the bytecode of a package lies once it was imported, and the file's number."""
+    done = run([str(environment.python), "-I", "-c", IMPORT], cwd=layout.project, environment={}, timeout=30)
+    path = Path(done.stdout.strip())
+    return path, path.stat().st_ino
+
+
 @pytest.mark.parametrize("mode", ["hardlink", "copy"])
+@pytest.mark.parametrize("serves", [None, "environment", "previous_environment"])
 def test_bytecode_of_equal_packages_is_shared(
-    mode: str, layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+    serves: str | None, mode: str, layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("UV_LINK_MODE", mode)
-    for name in ("alpha", "beta"):
+    for name in ("alpha", "beta", "gamma"):
         wheelhouse.add(name, "1.0")
     first = built(layout, locked(layout, "alpha==1.0"))
     if mode == "copy":  # some time ago
         os.utime(packages_of(first.path) / "alpha.py", (1, 1))
-    load = "import alpha; print(alpha.__cached__)"
-    assert run([str(first.python), "-I", "-c", load], cwd=layout.project, environment={}, timeout=30).status == 0
+    compiled, number = loaded(first, layout)
+    if serves is not None:
+        named = {"environment": "", "previous_environment": None, serves: str(first.path)}
+        manifest = {"format": 1, "files": {}, "lock": "", "tools": [], "server": "", "runtime": None, "launcher": None}
+        layout.endpoint.mkdir()
+        (layout.endpoint / MANIFEST).write_text(json.dumps(manifest | named))
     second = built(layout, locked(layout, "alpha==1.0", "beta==1.0"))
-    done = run([str(second.python), "-I", "-c", load], cwd=layout.project, environment={}, timeout=30)
-    cached = Path(done.stdout.strip())
-    assert second.path in cached.parents
-    assert cached.stat().st_nlink == 2
+    # One that serves keeps what it has; of another one, which is dropped soon, it is taken.
+    assert compiled.exists() == (serves is not None)
+    cached, shared = loaded(second, layout)
+    assert second.path in cached.parents and shared == number
+    third = built(layout, locked(layout, "alpha==1.0", "gamma==1.0"))
+    assert loaded(third, layout)[1] == number and not cached.exists()
 
 
 def test_prewarming_builds_beside_other_work_and_only_once(
