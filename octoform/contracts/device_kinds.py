@@ -107,6 +107,35 @@ KINDS: dict[str, tuple[str, ...]] = {
 No class of the kernel leads to what moves, switches or weighs: such a word has to be stated by the device or its owner.
 """
 
+CLASSES: dict[str, tuple[str, ...]] = {
+    "light": ("leds", "backlight", "drm", "iio", "hwmon", "usb-03", "input"),
+    "storage": (
+        *(
+            *_DISK,
+            "usb-06",
+            "nvmem",
+            "cdrom",
+            "md",
+            "memstick_host",
+            "ata_port",
+            "ata_link",
+            "sas_host",
+            "raid_devices",
+        ),
+        *("scsi_tape", "tape", "enclosure", "ufs", "fc_host", "iscsi_host"),
+    ),
+    "bluetooth": ("bluetooth", "usb-e0", "rfkill", "tty"),
+    "gpio": ("gpio", "leds", "pwm", "input", "usb-03", "regulator", "reset"),
+    "serial": ("tty", "usb-02", "usb-03", "wwan", "gnss", "bluetooth"),
+    **dict.fromkeys(
+        ("network", "ethernet"), ("net", "ieee80211", "wwan", "usb-02", "usb-e0", "infiniband", "tty", "rfkill")
+    ),
+}
+"""Words for a class alone: part of many a name, where they promise nothing, and as the class of a device a claim."""
+INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
+INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
+"""Where PROBE records which kinds of input a device sends, no other follows from its class."""
+
 
 def visible_kinds(entry: JsonObject) -> frozenset[str]:
     """The kernel's classes of a PROBE device, and the classes of its USB interfaces that have a standard way."""

@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import bent_cases as bent
+import class_cases as classes
 import fresh_cases as fresh
 import novel_cases as novel
 import pytest
@@ -95,7 +96,7 @@ def of_all(kind: str) -> dict[str, tuple[str, Any]]:
     """The cases of each stage, by stage and name."""
     found: dict[str, tuple[str, Any]] = {}
     for stage in ("probe", "identify", "interface", "serve", "deploy"):
-        for cases in (fresh, unseen, novel, bent):
+        for cases in (fresh, unseen, novel, bent, classes):
             for name, case in getattr(cases, f"{stage.upper()}_{kind}", {}).items():
                 assert f"{stage}: {name}" not in found
                 found[f"{stage}: {name}"] = case if stage in HOSTS else ("", case)

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import KINDS, WAYS
+from octoform.contracts.device_kinds import CLASSES, INPUT_KINDS, INPUTS, KINDS, RAW, WAYS
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import destroys, is_class_word, is_filler, kind_of, tokens
@@ -135,7 +135,8 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
     for index, device in enumerate(value["devices"]):
-        entry, kind = probed.get(device["id"]), kind_of(str(device.get("class", "")).casefold())
+        word = str(device.get("class", "")).casefold()
+        entry, kind = probed.get(device["id"]), word if word in CLASSES else kind_of(word)
         if entry is None or kind is None or device["category"] == "unknown" or known_by_a_person(device, artifacts):
             continue
         found = word_set(
@@ -144,7 +145,11 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         found |= word_set([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
         found |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
         ways = ways_of(entry)
-        if ways and ways.isdisjoint(KINDS[kind]) and missing([kind], found | parts(found)):
+        # Of a device that has a class with a meaning, the raw line beside it means nothing more.
+        shown = ways - RAW or (ways if kind in KINDS or "tty" in ways else frozenset())
+        other = kind in INPUTS and INPUT_KINDS.search(str(entry["raw_descriptor"]))
+        apart = bool(shown) and (shown | (ways & RAW)).isdisjoint((KINDS | CLASSES)[kind])
+        if (apart or other) and missing([kind], found | parts(found)):
             summary = (
                 f"{display(device['id'])} is of the class {display(kind)}, and PROBE shows {listed(sorted(ways))} of it"
             )

@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import KINDS, RAW, speaks_bytes
+from octoform.contracts.device_kinds import INPUT_KINDS, INPUTS, KINDS, RAW, speaks_bytes
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_class_word, is_filler, kind_of
@@ -34,11 +34,8 @@ _SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
 _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
 # Numbers of a kind's registration, which a name does not consist of.
 _CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
-# Where PROBE records which kinds of input a device sends, no other follows from its class.
 _BOOT = re.compile(r"\bclass 03/01/0[12]\b")
 """A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
-_INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
-_INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
 # Words of a device's own strings that say a kind of thing in another word.
 _SYNONYMS = {"imager": "camera", "lte": "modem", "wwan": "modem", "scan": "scanner", "imaging": "camera"}
 _TELLING_KEYS = ("product", "model", "name", "manufacturer", "vendor", "udev.ID_MODEL_FROM_DATABASE", "driver")
@@ -211,11 +208,11 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
     head = words(_HEAD.split(name.strip(), maxsplit=1)[0] or name)
     own = cited | word_set(_texts(probed)) | _translated(device)
     own |= {"motor"} if {"stepper", "servo"} & own else set()
-    ways, found = ways_of(probed), _INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
+    ways, found = ways_of(probed), INPUT_KINDS.search(str(probed.get("raw_descriptor", "")))
     return [
         word
         for word in missing([word for word in head if kind_of(word.casefold())], own | parts(own))
-        if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (found and kind_of(word.casefold()) in _INPUTS)
+        if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (found and kind_of(word.casefold()) in INPUTS)
     ]
 
 
