@@ -10,8 +10,7 @@ from collections.abc import Collection, Iterator, Mapping
 from octoform.base.escaping import display, escaped, flattened, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.serve.code_rules import is_standard
-from octoform.contracts.rules.serve.programs import programs_of
+from octoform.contracts.rules.serve.code_rules import is_standard, programs_of
 from octoform.contracts.rules.text_rules import in_values
 from octoform.contracts.script_header import declared_names, declared_requirements, normalised, required_python
 from octoform.contracts.server_source import Source, imported_modules, read_source

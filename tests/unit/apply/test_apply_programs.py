@@ -16,7 +16,7 @@ from octoform.apply.stage.assignment import (
     lacking_programs,
     of_stage,
 )
-from octoform.contracts.rules.serve.programs import started_blindly
+from octoform.contracts.rules.serve.code_rules import started_blindly
 from octoform.endpoint.environment.system_programs import COMMANDS, chosen_programs, lacks
 
 _SERVER = """import shutil

@@ -11,7 +11,7 @@ from cases import for_each
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.contracts.rules.interface.interface_rules import effect_differs
 from octoform.contracts.rules.interface.protocol_definition_rules import definition_differs
-from octoform.contracts.rules.stop_rules import identify_stops, interface_stops
+from octoform.contracts.rules.raw_line_rules import identify_stops, interface_stops
 from octoform.profiles import Profile, commands, load
 
 PROFILES = {item.name: item for item in load(sorted((Path(__file__).parents[3] / "profiles").glob("*.md")))[0]}

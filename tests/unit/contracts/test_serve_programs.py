@@ -2,7 +2,7 @@
 
 import textwrap
 
-from octoform.contracts.rules.serve.programs import programs_of, tools_starting
+from octoform.contracts.rules.serve.code_rules import programs_of, tools_starting
 
 _SERVER = """
 import shutil

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import novel_servers
+import outcome_cases
 import pytest
 from bench_host import desk, watched
 from cases import for_each
@@ -93,3 +94,31 @@ def test_a_reading_may_end_at_a_bound_that_interface_declares(servers: Servers) 
     assert {item.code for item in serve_static(cut(good), interface)} == {"SERVE-CONSTANT-READING"}
     value["maximum"] = 50
     assert serve_static(cut(good), interface) == []
+
+
+DECLARED = {
+    "bent: at most half": {"maximum": 50},
+    "bent: at least a tenth": {"minimum": 10},
+    "bent: on both sides": {"minimum": 20, "maximum": 80},
+    "bent: in steps of ten": {"multipleOf": 10},
+    "bent: rounded to tens": {"multipleOf": 10},
+}
+
+
+@for_each("case", DECLARED)
+def test_an_argument_may_end_where_interface_declares_it(case: str, servers: Servers) -> None:
+    bent = outcome_cases.SERVE_WRONG[case]
+    interface, good = copy.deepcopy(servers[1])
+    assert {item.code for item in serve_static(bent(good), interface)} == {"SERVE-SETS-OTHERWISE"}
+    [tool] = [item for item in interface["tools"] if item["name"] == "set_brightness"]
+    tool["input_schema"]["properties"]["percent"].update(DECLARED[case])
+    assert serve_static(bent(good), interface) == []
+
+
+def test_a_reading_may_have_the_steps_that_interface_declares(servers: Servers) -> None:
+    interface, good = copy.deepcopy(servers[0])
+    coarse = outcome_cases.SERVE_WRONG["coarse: to tens"](good)
+    assert {item.code for item in serve_static(coarse, interface)} == {"SERVE-READING-COARSE"}
+    [tool] = [item for item in interface["tools"] if item["name"] == "read_temperature"]
+    tool["output_schema"]["properties"]["readings"]["items"]["properties"]["value"]["multipleOf"] = 10
+    assert serve_static(coarse, interface) == []

@@ -12,7 +12,7 @@ from octoform.contracts.device_kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_chip_name, is_filler, same_action, tokens
 from octoform.contracts.name_words import has_digit, word_set, words
-from octoform.contracts.rules import raw_line_rules, stop_rules
+from octoform.contracts.rules import raw_line_rules
 from octoform.contracts.rules.identify import annotation_rules, answer_rules, fact_rules, name_rules, prose_rules
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.text_rules import in_values
@@ -321,7 +321,7 @@ RULES = (
     Rule("IDENTIFY-MANY-DEVICES", many_devices),
     Rule("IDENTIFY-MANY-CAPABILITIES", many_capabilities),
     *answer_rules.RULES,
-    *stop_rules.IDENTIFY_RULES,
+    *raw_line_rules.IDENTIFY_STOPS,
     *annotation_rules.CAPABILITY_RULES,
     *raw_line_rules.RULES,
     *annotation_rules.RULES,

@@ -14,7 +14,7 @@ from octoform.base.escaping import display, escaped, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.name_clues import is_class_word, is_filler, same_action, tokens
-from octoform.contracts.rules import raw_line_rules, stop_rules
+from octoform.contracts.rules import raw_line_rules
 from octoform.contracts.rules.interface import bound_rules, member_units
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -458,7 +458,7 @@ RULES = (
     *bound_rules.RULES,
     *TEXT_RULES,
     *raw_line_rules.INTERFACE_RULES,
-    *stop_rules.INTERFACE_RULES,
+    *raw_line_rules.INTERFACE_STOPS,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),
 )
 

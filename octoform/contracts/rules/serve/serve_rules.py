@@ -14,6 +14,7 @@ from octoform.contracts.rules.serve import (
     device_rules,
     exchange_rules,
     line_rules,
+    outcome_rules,
     reading_rules,
     tool_rules,
     value_rules,
@@ -416,7 +417,7 @@ def sets_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for place, what, hint in (*_elsewhere(setting, read, tool), *_turned(setting, read), *setting.held_back()):
             summary = f"the tool {display(site.name or '')} {what}"
             out.setdefault(place, source.problem(OTHERWISE, place, summary, hint))
-    return list(out.values())
+    return list(out.values()) or outcome_rules.set_not_read(value, artifacts)
 
 
 Member = tuple[ast.AST, str, ast.expr]
@@ -484,6 +485,7 @@ RULES = (
     *value_rules.RULES,
     *write_rules.RULES,
     *SETTING_RULES,
+    *outcome_rules.RULES,
     *line_rules.RULES,
     *exchange_rules.RULES,
 )

@@ -1,0 +1,116 @@
+"""Servers that set something else than they were asked for, or round what they read, and right ones beside them.
+
+Each set was written before anybody looked at what the rules say of it, and then stayed.
+"""
+
+from typing import Any
+
+from novel_servers import LEVEL, NOW, WRITE, light, sets
+from novel_servers import NUMBER as RAW
+from server_edits import adds, all_of, body
+from wrong_servers import temperature
+
+SEEN = "100 * (level / maximum) ** (1 / 2.2)"
+
+
+def shown(percent: str) -> str:
+    """The body of `read_brightness` that gives this percentage."""
+    return (
+        "folder = runtime.device(device).path('backlight')\n"
+        f"maximum = int((folder / 'max_brightness').read_text())\nlevel = {NOW}\n"
+        f"return Lights(device=device, lights=[Light(name='panel', percent={percent}, level=level, maximum=maximum)])"
+    )
+
+
+SERVE_WRONG: dict[str, Any] = {
+    f"bent: {name}": case
+    for name, case in {
+        "half of it": light(sets("round(maximum * percent / 200)")),
+        "half of it, by a name": light(f"half = percent / 2\n{sets('round(maximum * half / 100)')}"),
+        "double of it": light(sets("min(maximum, round(maximum * percent / 50))")),
+        "four fifths of it": light(sets("int(0.8 * maximum * percent / 100)")),
+        "half of it, by a function": all_of(
+            adds("def scaled(percent, maximum):\n    return round(maximum * percent / 200)"),
+            light(sets("scaled(percent, maximum)")),
+        ),
+        "the square of it": light(sets("round(maximum * (percent / 100) ** 2)")),
+        "a tenth more than it": light(sets(f"{LEVEL} + maximum // 10")),
+        "a level that no maximum explains": light(sets("round(percent * percent / 100)")),
+        "at most half": light(sets("round(maximum * min(percent, 50) / 100)")),
+        "at most half, by a test": light(f"if percent > 50:\n    percent = 50\n{WRITE}"),
+        "at most half, by a choice": light(
+            f"wanted = 50 if percent > 50 else percent\n{sets('round(maximum * wanted / 100)')}"
+        ),
+        "at most half of the level": light(sets(f"min({LEVEL}, maximum // 2)")),
+        "at most a constant level": light(sets(f"min({LEVEL}, 40)")),
+        "at least a tenth": light(sets("round(maximum * max(percent, 10) / 100)")),
+        "on both sides": light(sets("round(maximum * max(20, min(percent, 80)) / 100)")),
+        "at most a named number": all_of(adds("SAFE = 60"), light(sets("round(maximum * min(percent, SAFE) / 100)"))),
+        "in steps of ten": light(sets("round(maximum * (percent // 10 * 10) / 100)")),
+        "rounded to tens": light(sets("round(maximum * round(percent, -1) / 100)")),
+        "put back": light(f"before = {NOW}\n{WRITE}\nlevel = {NOW}\n{sets('before')}", "level"),
+        "put back, whatever comes": light(
+            f"before = (folder / 'brightness').read_text()\ntry:\n    {WRITE}\n    level = {NOW}\n"
+            "finally:\n    (folder / 'brightness').write_text(before)",
+            "level",
+        ),
+        "put back, after a while": light(
+            f"before = runtime.read_integer(folder / 'brightness')\n{WRITE}\nlevel = {NOW}\ntime.sleep(0.2)\n"
+            "(folder / 'brightness').write_text(str(before))",
+            "level",
+        ),
+        "put out again": light(f"{WRITE}\nlevel = {NOW}\n{sets('0')}", "level"),
+    }.items()
+}
+for name, expression in {
+    "to tens": "round({} / 1000, -1)",
+    "to ten thousands": "round({}, -4) / 1000",
+    "by a division": "{} // 10000 * 10",
+    "by an integer": "10 * int({} / 10000)",
+    "by a remainder": "(lambda raw: raw - raw % 10000)({}) / 1000",
+    "by a fraction": "10 * round({} / 10000)",
+    "to fives": "5 * round({} / 5000)",
+}.items():
+    SERVE_WRONG[f"coarse: {name}"] = temperature(f"value = 1000 * ({expression.format(RAW)})")
+SERVE_RIGHT: dict[str, Any] = {
+    f"set: {name}": case
+    for name, case in {
+        "a light with ten steps": light(sets("round(percent / 10)")),
+        "a light of 255 steps": light(sets("round(255 * percent / 100)")),
+        "a light with steps that are named": all_of(adds("STEPS = 4095"), light(sets("round(STEPS * percent / 100)"))),
+        "a light that is on or off": light(sets("1 if percent >= 50 else 0")),
+        "at least one step": light(sets(f"max(1, {LEVEL})")),
+        "at most all": light(sets(f"min(maximum, {LEVEL})")),
+        "within the range of its argument": light(sets("round(maximum * max(0, min(percent, 100)) / 100)")),
+        "whole percents": light(sets("int(percent) * maximum // 100")),
+        "off by its power": light(f"if percent == 0:\n    {sets('4', 'bl_power')}\nelse:\n    {WRITE}"),
+        "refused above, and cut there": light(
+            f"if percent > 80:\n    raise ToolError('at most 80 percent')\npercent = min(percent, 80)\n{WRITE}"
+        ),
+        "a flash before it": light(f"{sets('maximum')}\ntime.sleep(0.05)\n{WRITE}"),
+        "a guess that is corrected": light(f"{sets('maximum // 2')}\nif {NOW} != {LEVEL}:\n    {WRITE}"),
+        "the nearest of a table": all_of(
+            adds("TABLE = (0, 10, 30, 100)"),
+            light(sets("round(maximum * min(TABLE, key=lambda each: abs(each - percent)) / 100)")),
+        ),
+        "as the eye sees it": all_of(
+            light(sets("round(maximum * (percent / 100) ** 2.2)"), percent=SEEN), body("read_brightness", shown(SEEN))
+        ),
+        "read as the kernel measures it": all_of(
+            light(WRITE),
+            body("read_brightness", shown("100 * int((folder / 'actual_brightness').read_text()) / maximum")),
+        ),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"fine: {name}": temperature(f"value = 1000 * ({expression.format(RAW)})")
+    for name, expression in {
+        "whole degrees": "round({} / 1000)",
+        "degrees below": "{} // 1000",
+        "a tenth of a degree": "round({} / 1000, 1)",
+        "half degrees": "0.5 * round({} / 500)",
+        "a field of a register": "5 * ((int({}) >> 8) & 15)",
+        "of a period": "1000000 / {}",
+        "whole, of a period": "9000000 // {}",
+    }.items()
+}

@@ -1,0 +1,85 @@
+"""What is computed of a server without running it: right numbers, no end of nothing, and what is unknown stays so."""
+
+import ast
+from typing import Any
+
+import pytest
+from cases import for_each
+
+from octoform.contracts.server_evaluator import Evaluator
+from octoform.contracts.server_source import UNKNOWN, Failed, Spent, Unsure, World, needed_source
+
+BOUNDLESS = {
+    "a tower": "return 9 ** 9 ** 9",
+    "a long text": "return 'a' * 10 ** 9",
+    "a long list": "return [0] * 10 ** 9",
+    "a range": "return sum(range(10 ** 12))",
+    "a padded number": "return f'{1:999999999}'",
+    "a padded text": "return 'a'.ljust(10 ** 9)",
+    "a padded number, by percent": "return '%999999999d' % 1",
+    "a padded number, by a star": "return '%*d' % (10 ** 9, 1)",
+    "a padded number, by format": "return '{:999999999}'.format(1)",
+    "a shift": "return 1 << 10 ** 9",
+    "a rounded number": "return round(1, -10 ** 9)",
+    "a loop": "while True:\n        pass",
+    "a loop of what is unknown": "while strange():\n        pass",
+    "a recursion": "return tool()",
+    "a text that doubles": "text = 'a'\n    for _ in range(99):\n        text = text + text\n    return text",
+    "a number that is squared": "number = 3\n    for _ in range(99):\n"
+    "        number = number * number\n    return number",
+    "lists of lists": "rows = list(range(999))\n    for _ in range(9):\n"
+    "        rows = [rows for _ in range(999)]\n    return rows == rows",
+    "a list in itself": "rows = []\n    rows.append(rows)\n    return sorted(rows) == rows",
+}
+VALUES: dict[str, tuple[str, Any]] = {
+    "a sum": ("return 2 + 3 * 4", 14),
+    "a text": ("return f'{3.14159:.2f} ' + str(7)", "3.14 7"),
+    "a record": ("return {'a': [each * 2 for each in (1, 2) if each > 1]}", {"a": [4]}),
+    "a loop": (
+        "total = 0\n    for each in range(5):\n        if each == 3:\n            break\n        total += each\n"
+        "    return total",
+        3,
+    ),
+    "a function of the file": ("return twice(4)", 8),
+    "a constant of the file": ("return SCALE * 2", 20),
+    "an attribute": ("return runtime.read_number(runtime.device('x').path('hwmon') / 'temp1_max', 0.5)", 50.0),
+    "what is unknown": ("return strange(1)", UNKNOWN),
+}
+
+
+def evaluated(body: str) -> Any:
+    source = needed_source(
+        f"import runtime\nSCALE = 10\n\n\ndef twice(number):\n    return 2 * number\n\n\ndef tool():\n    {body}\n"
+    )
+    world = World(lambda name: 100.0, [50_000])
+    [function] = [each for each in source.functions if each.name == "tool"]
+    return Evaluator(source, world, [], lambda call, name: True).call(function, {})
+
+
+@for_each("case", VALUES)
+def test_a_value_is_computed(case: str) -> None:
+    body, wanted = VALUES[case]
+    assert evaluated(body) == wanted
+
+
+@for_each("case", BOUNDLESS)
+def test_what_would_take_long_has_no_outcome(case: str) -> None:
+    try:
+        found = evaluated(BOUNDLESS[case])
+    except (Failed, Spent, Unsure):
+        return
+    assert found is UNKNOWN
+
+
+def test_a_call_that_may_act_ends_what_is_known() -> None:
+    source = needed_source("def tool():\n    port.send(1)\n")
+    world = World(lambda name: 0.0, [1000])
+    seen: list[str] = []
+
+    def harmless(call: ast.Call, name: str) -> bool:
+        seen.append(name)
+        return False
+
+    with pytest.raises(Unsure):
+        Evaluator(source, world, [], harmless).call(source.functions[0], {})
+    assert seen == ["port.send"]
