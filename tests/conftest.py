@@ -12,6 +12,7 @@ from pathlib import Path
 
 import lasting_fork_server
 import pytest
+import shared_fork_servers
 from endings import end_endpoints, may_have_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
@@ -40,6 +41,7 @@ def pytest_configure(config: pytest.Config) -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     signal.signal(signal.SIGHUP, signal.SIG_DFL)
     bounded_program.SCRIPT = lasting_fork_server.SCRIPT
+    shared_fork_servers.share()
     # How long an example takes depends on the machine's other work, not about the code.
     settings.register_profile("tests", deadline=None, suppress_health_check=[HealthCheck.too_slow])
     settings.load_profile("tests")

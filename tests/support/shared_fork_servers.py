@@ -8,6 +8,7 @@ import errno
 import os
 import socket
 import threading
+from collections.abc import Callable
 from pathlib import Path
 
 from lasting_fork_server import peer
@@ -58,3 +59,20 @@ class SharedForkServer(ForkServer):
         """Leave it to the others."""
         self._loaded = False
         self._orders.close()
+
+
+def share() -> None:
+    """Have this process take shared ones for servers. Those for pictures load little, and tests end or stop them."""
+    begin: Callable[..., ForkServer] = ForkServer.at.__func__  # type: ignore[attr-defined]
+
+    def at(cls: type[ForkServer], python: Path, purpose: Purpose = "servers") -> ForkServer:
+        with cls._turn:
+            wanted = cls._key(python, purpose)
+            former = cls._kept.get(wanted)
+            if purpose == "servers" and not (former and former._lives()):
+                if former:
+                    former.end()
+                cls._kept[wanted] = SharedForkServer(python, purpose)
+        return begin(cls, python, purpose)
+
+    ForkServer.at = classmethod(at)  # type: ignore[method-assign, assignment]
