@@ -16,6 +16,7 @@ import shared_fork_servers
 from endings import end_endpoints, may_have_endpoints
 from hosts.plant import plant
 from hypothesis import HealthCheck, settings
+from kept_environments import KeptEnvironments
 from projects import Project
 from session_folders import remove_session_folders
 
@@ -25,6 +26,8 @@ from octoform.endpoint.environment.build import GUESS, build, has_environment, p
 from octoform.endpoint.environment.lockfile import resolve
 from octoform.endpoint.environment.model import at, locate
 from octoform.state.layout import Layout
+
+KEPT = KeptEnvironments()
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
@@ -62,6 +65,13 @@ def pytest_collection() -> Generator[None, object, object]:
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """What is dear comes first: workers take tests from each other's ends, and would make its fixtures once more."""
     items.sort(key=lambda item: item.get_closest_marker("dear") is None)
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_runtest_teardown() -> Generator[None]:
+    """A test that builds an environment of all tests again spoils others, and hardly ever itself."""
+    yield
+    KEPT.check()
 
 
 def pytest_sessionfinish() -> None:
@@ -103,6 +113,7 @@ def environments(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """
     folder = run_folder(tmp_path_factory) / "environments"
     folder.mkdir(mode=0o700, exist_ok=True)
+    KEPT.watch(folder)
     return folder
 
 
@@ -127,6 +138,7 @@ def compiled(tmp_path_factory: pytest.TempPathFactory, environments: Path) -> Pa
                 subprocess.run(["cp", "-al", str(environments / own.name), str(own)], check=True)
             else:
                 assert prepare(layout, GUESS)
+    KEPT.watch(layout.environments)
     return layout.environments
 
 
@@ -155,6 +167,7 @@ def packaged(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Callab
                 for donor in donors:
                     donor.unlink()
                 assert environment is not None, found
+        KEPT.watch(layout.environments)
         return layout.environments
 
     return folder
