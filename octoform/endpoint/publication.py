@@ -19,7 +19,18 @@ from typing import Any
 
 import octoform
 from octoform.base.digest import of_bytes
-from octoform.base.files import make_way, parse, private_folder, read, read_json, replace
+from octoform.base.files import (
+    TEMPORARY,
+    create,
+    make_way,
+    parse,
+    private_folder,
+    publish,
+    read,
+    read_json,
+    replace,
+    sync_folder,
+)
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.endpoint.bounded_program import UNCHECKED
 from octoform.endpoint.environment.build import prune
@@ -49,7 +60,7 @@ from octoform.endpoint.published_files import (
 )
 from octoform.records import dataclass
 from octoform.state.artifact_cache import ENDPOINT, forget, keep
-from octoform.state.files import write_atomic
+from octoform.state.files import refused, write_atomic
 from octoform.state.layout import Layout
 
 # One ready-made configuration for each MCP client, in the client's own format.
@@ -118,12 +129,11 @@ def write_endpoint(
     files = _files(layout, environment, service, descriptor)
     for name in sorted({CLIENTS, *(part.as_posix() for each in files for part in Path(each).parents)}):
         private_folder(folder / name)
-    for name, (data, mode) in files.items():
-        if name == LAUNCHER:
-            _lay_bytecode(folder)
-        make_way(folder / name)
-        if problem := write_atomic(folder / name, data, mode):
-            return [problem]
+    if problem := _write_files(folder, {name: file for name, file in files.items() if name != LAUNCHER}):
+        return [problem]
+    _lay_bytecode(folder)
+    if problem := _write_files(folder, {LAUNCHER: files[LAUNCHER]}):
+        return [problem]
     manifest = {
         "format": 1,
         "files": {name: of_bytes(data) for name, (data, _) in files.items()},
@@ -141,6 +151,27 @@ def write_endpoint(
     kept = keep(layout, ENDPOINT, {**{name: data for name, (data, _) in files.items()}, MANIFEST: _json(manifest)})
     prune(layout, {Path(str(manifest[name])) for name in ("environment", "previous_environment") if manifest[name]})
     return [] if kept is None else [dataclasses.replace(kept, severity=Severity.WARNING)]
+
+
+def _write_files(folder: Path, files: Mapping[str, tuple[bytes, int]]) -> Diagnostic | None:
+    """Replace each file as a whole, synced to disk; their folders are synced once, after all of them."""
+    for name, (data, mode) in files.items():
+        path = folder / name
+        draft = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
+        try:
+            make_way(path)
+            create(draft, data, mode)
+            publish(draft, path)
+        except OSError as problem:
+            with suppress(OSError):
+                draft.unlink()
+            return refused(problem, path)
+    try:
+        for place in {(folder / name).parent for name in files}:
+            sync_folder(place)
+    except OSError as problem:
+        return refused(problem, folder)
+    return None
 
 
 def _lay_bytecode(folder: Path) -> None:

@@ -7,23 +7,20 @@ bytes with what was accepted; a link among them is never followed, whatever it p
 import os
 import shutil
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from octoform.base import digest
-from octoform.base.files import TEMPORARY, publish, sync_folder
+from octoform.base.files import TEMPORARY, create, publish, sync_folder
 from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass
 from octoform.state.files import (
     Checkpoint,
-    display,
     make_folders,
     pass_by,
     read_regular,
     refused,
     spending,
     unreadable,
-    write_atomic,
 )
 from octoform.state.layout import STAGES, STEP, Layout
 
@@ -167,9 +164,7 @@ def _replace(layout: Layout, stage: str, files: Mapping[str, bytes], checkpoint:
         checkpoint("artifact.start")
         draft.mkdir()
         for number, data in enumerate(files.values()):
-            problem = write_atomic(draft / str(number), data)
-            if problem is not None:
-                return replace(problem, path=display(folder))
+            create(draft / str(number), data, 0o644)
         checkpoint("artifact.written")
         _make_room(layout.steps if stage.startswith(STEP) else folder, folder, files)
         for number, name in enumerate(files):
