@@ -328,7 +328,7 @@ class Evaluator:
 
     def _listed(self, node: ast.ListComp | ast.GeneratorExp, scope: Scope) -> Any:
         rows = self.value(node.generators[0].iter, scope)
-        if len(node.generators) != 1 or not isinstance(rows, list | tuple | range):
+        if len(node.generators) != 1 or not isinstance(rows, list | tuple | range | str):
             return UNKNOWN
         out = []
         for row in rows:

@@ -69,6 +69,7 @@ for name, expression in {
     "by an integer": "10 * int({} / 10000)",
     "by a remainder": "(lambda raw: raw - raw % 10000)({}) / 1000",
     "by a fraction": "10 * round({} / 10000)",
+    "for each letter": "[10 * (float(letter) - 1 + round({} / 10000)) for letter in '12'][0]",
     "to fives": "5 * round({} / 5000)",
 }.items():
     SERVE_WRONG[f"coarse: {name}"] = temperature(f"value = 1000 * ({expression.format(RAW)})")

@@ -40,6 +40,7 @@ VALUES: dict[str, tuple[str, Any]] = {
         "    return total",
         3,
     ),
+    "letters": ("first, second = (2 * int(each) for each in '12')\n    return first + second", 6),
     "a function of the file": ("return twice(4)", 8),
     "a constant of the file": ("return SCALE * 2", 20),
     "an attribute": ("return runtime.read_number(runtime.device('x').path('hwmon') / 'temp1_max', 0.5)", 50.0),
