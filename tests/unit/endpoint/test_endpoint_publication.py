@@ -5,6 +5,7 @@ import shlex
 import subprocess
 import sys
 import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from typing import Any
@@ -12,9 +13,11 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 from unit.endpoint.endpoint_servers import CLOCK, VOLTAGE, publish, service_of
+from waiting import until
 
 from octoform.endpoint.bounded_program import ForkServer, base_environment, run
 from octoform.endpoint.environment.model import Environment
+from octoform.endpoint.process.start_stop import accepts, stop
 from octoform.endpoint.publication import write_endpoint
 from octoform.state.layout import Layout
 
@@ -35,7 +38,17 @@ def launched(layout: Layout) -> Done:
     assert given == "$@"
     server = ForkServer.at(Path(words[0]))
     done = run(words, cwd=layout.project, environment=base_environment(), timeout=60, fork_server=server)
-    return Done(words, done.status or 0, done.stdout, done.stderr)
+    assert done.status is not None, "it goes on"
+    return Done(words, done.status, done.stdout, done.stderr)
+
+
+def served(layout: Layout) -> Done:
+    """The same of an endpoint that is asked to stop as soon as it takes clients."""
+    with ThreadPoolExecutor(1) as pool:
+        done = pool.submit(launched, layout)
+        until(lambda: done.done() or accepts(layout))
+        stop(layout)
+        return done.result()
 
 
 def asked(layout: Layout, line: dict[str, Any], cwd: Path) -> Done:
@@ -107,7 +120,7 @@ def test_a_start_compiles_nothing_of_the_published_program(layout: Layout, servi
     program = layout.endpoint / "octoform"
     laid = {path: path.stat().st_ino for path in program.rglob("*.pyc")}
     assert len(laid) == len([*program.rglob("*.py")])
-    assert launched(layout).returncode == 0
+    assert served(layout).returncode == 0
     assert {path: path.stat().st_ino for path in program.rglob("*.pyc")} == laid
     edited = program / "server" / "main.py"
     edited.write_text(edited.read_text() + "raise SystemExit(7)\n")
@@ -122,7 +135,7 @@ def test_damaged_bytecode_of_the_installation_hinders_no_endpoint(
 
     monkeypatch.setattr(SourceFileLoader, "get_code", damaged)
     publish(layout, serving)
-    assert launched(layout).returncode == 0
+    assert served(layout).returncode == 0
 
 
 def test_the_descriptor_tells_what_is_served_and_how(layout: Layout, serving: Environment) -> None:
