@@ -194,6 +194,13 @@ INTERFACE_WRONG: dict[str, Any] = {
         "a maker and a kind in a parameter": takes(
             "capture_image", "works_cam_width", {**INTEGER, "minimum": 1, "maximum": 9, "default": 1}
         ),
+        "a maker and an exposure": takes(
+            "capture_image", "works_exposure", {**INTEGER, "minimum": 0, "maximum": 9, "default": 0}
+        ),
+        "a maker as one word": takes("capture_image", "benchworks_mode", {**TEXT, "enum": ["a", "b"], "default": "a"}),
+        "a maker at the end": takes(
+            "list_camera_formats", "format_works", {**TEXT, "enum": ["a", "b"], "default": "a"}
+        ),
         "a maker in a parameter": takes("capture_image", "works_mode", {**TEXT, "enum": ["a", "b"], "default": "a"}),
         "an order to call what is not there": says("set_led", "Dims the lamp. Call unlock_lamp first."),
         "an order to call another server": says(
@@ -265,6 +272,9 @@ INTERFACE_RIGHT: dict[str, Any] = {
         ),
         "a parameter called by the maker's word alone": takes(
             "capture_image", "works", {"type": "boolean", "default": True}
+        ),
+        "a maker's word that is a kind of thing": takes(
+            "capture_image", "bench_mode", {**TEXT, "enum": ["a", "b"], "default": "a"}
         ),
         "a kind of thing in a parameter": takes(
             "capture_image", "cam_width", {**INTEGER, "minimum": 1, "maximum": 9, "default": 1}

@@ -246,9 +246,7 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             strange = sorted(word for word in words & {*tokens(name)} - spoken if not is_filler(word))
             own = [word for word in strange if _is_own(word) and len(word) > 3]
             if own and (len(strange) > 1 or makers.intersection(own)) and len(tokens(name)) > len(own):
-                summary = (
-                    f"the parameter {display(name)} of {display(tool['name'])} has {listed(strange)} of a product in it"
-                )
+                summary = f"the parameter {display(name)} of {display(tool['name'])} has {listed(strange)} of a product"
                 hint = "call it by what it means to any product; the product belongs into the description"
                 where = pointer("tools", index, "input_schema", "properties", name)
                 out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=where, hint=hint))
@@ -256,8 +254,9 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
 
 
 def _words_of(lines: list[tuple[str, str]]) -> set[str]:
-    """The words of lines of a device's text, without what stands for a number that was cut out."""
-    return {word for _, line in lines for word in re.findall(r"[a-z0-9]+(?!>)\b", line.casefold())}
+    """The words of lines of a device's text and the first two as one, without what stands for a number."""
+    rows = [re.findall(r"[a-z0-9]+(?!>)\b", line.casefold()) for _, line in lines]
+    return {word for row in rows for word in (*row, "".join(row[:2]))}
 
 
 def _is_own(word: str) -> bool:
