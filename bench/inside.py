@@ -17,7 +17,7 @@ from typing import Any
 
 BEGAN = time.monotonic()
 PROGRAMS = (
-    ("reaper.py", "supervised"),
+    ("import reaper", "supervised"),
     ("/uv", "environment"),
     ("fork_server.py", "server"),
 )

@@ -28,6 +28,10 @@ from octoform.harness.containment.task_log import DEFAULT_LIMIT, TaskLog
 from octoform.records import dataclass
 
 REAPER = Path(__file__).with_name("reaper.py")
+_LOAD = "import sys; sys.path.append(sys.argv.pop(1)); import reaper; sys.exit(reaper.main(sys.argv[1:]))"
+"""A script would be compiled at each start; a module has bytecode."""
+SUPERVISOR = ("-I", "-S", "-B", "-c", _LOAD, str(REAPER.parent))
+"""What the interpreter is given to run the supervisor."""
 CHUNK = 64 << 10
 MARGIN_SECONDS = 15.0
 FLOOD_PAUSE_SECONDS = 0.01
@@ -170,7 +174,7 @@ class _Session:
         try:
             with _stdin(program) as stdin:
                 self._process = subprocess.Popen(
-                    [sys.executable, "-I", "-S", str(REAPER), *arguments, *program.argv],
+                    [sys.executable, *SUPERVISOR, *arguments, *program.argv],
                     cwd=program.workdir,
                     env={**program.environment, ATTEMPT: mark},
                     stdin=stdin,

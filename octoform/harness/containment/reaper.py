@@ -1,10 +1,10 @@
 """The supervisor process between octoform and an agent: no process of the agent's tree outlives it.
 
 Killing a process group does not end what moved to a session of its own, and nothing that octoform does in its own
-process helps when octoform itself is killed. So every agent runs below this one small program, started as
-``python -I -S reaper.py``. It uses the standard library alone and few modules of it, because it starts at every
-attempt; it is a *child subreaper*, so that each orphan of the tree becomes its child and "no children left" is the
-proof that nothing runs on.
+process helps when octoform itself is killed. So every agent runs below this one small program, which has a process of
+its own (`contained_run`). It uses the standard library alone and few modules of it, because it starts at every attempt;
+it is a *child subreaper*, so that each orphan of the tree becomes its child and "no children left" is the proof that
+nothing runs on.
 
 Arguments: ``REPORT_FD CONTROL_FD WALL_SECONDS GRACE_SECONDS FILE_BYTES PROGRAM [ARGUMENT ...]``. The agent is started
 when a byte arrives on the control descriptor. The tree is ended (SIGTERM, then SIGKILL) when the agent has ended, when
@@ -326,7 +326,3 @@ def main(arguments: list[str]) -> int:
         containment="subreaper" if contained else "process_group",
     )
     return 1 if remaining else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))

@@ -2,7 +2,10 @@
 
 import ast
 import json
+import py_compile
 import stat
+import subprocess
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -30,6 +33,7 @@ def test_exit_status_log_and_record(contained: Contained, tmp_path: Path) -> Non
 def test_the_record_stands_before_the_agent_starts(contained: Contained, tmp_path: Path) -> None:
     code = """
 import json
+import py_compile
 record = json.load(open("process.json"))
 print(record["attempt"] == os.environ["OCTOFORM_ATTEMPT"], record["ended"])
 """
@@ -228,3 +232,11 @@ def test_the_supervisor_imports_only_small_modules_of_the_standard_library() -> 
     imported = {alias.name for node in ast.walk(tree) if isinstance(node, ast.Import) for alias in node.names}
     assert not [node for node in ast.walk(tree) if isinstance(node, ast.ImportFrom)]
     assert imported == {"ctypes", "os", "resource", "select", "signal", "sys", "time"}
+
+
+def test_the_supervisor_is_not_compiled_at_each_start() -> None:
+    cached = py_compile.compile(str(contained_run.REAPER), doraise=True)
+    command = [sys.executable, "-v", *contained_run.SUPERVISOR]
+    ended = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert f"# code object from '{cached}'" in ended.stderr
+    assert "IndexError" in ended.stderr  # it has no arguments
