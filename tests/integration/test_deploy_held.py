@@ -92,7 +92,8 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     for item in deploy["requirements"]:
         item["version"] = importlib.metadata.version(item["name"])
     changes = [*(change for change, _, _ in WRONG.values()), lambda _: None]
-    _, errors = refusals(folder, folder / "outside" / "host", "deploy", {}, deploy, changes, packaged())
+    project, errors = refusals(folder, folder / "outside" / "host", "deploy", {}, deploy, changes, packaged())
+    project.run("stop", status=0)
     return dict(zip(WRONG, errors, strict=True))
 
 
