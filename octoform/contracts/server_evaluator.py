@@ -16,8 +16,11 @@ from octoform.contracts.server_source import (
     PLAIN,
     UNARY,
     UNKNOWN,
+    DeviceOfRuntime,
     Failed,
     Function,
+    Method,
+    OpenFile,
     Place,
     Source,
     Spent,
@@ -31,6 +34,8 @@ from octoform.contracts.server_source import (
 
 _MAX_STEPS, _MAX_DEPTH = 8000, 10
 _YIELDS = (ast.Yield, ast.YieldFrom)
+_CLASS = "\0class"
+"""The member of an object that names its class."""
 Scope = dict[str, Any]
 
 
@@ -41,22 +46,6 @@ class _Return(Exception):
 
 class _Leave(Exception):
     """The end of a loop, or of one turn of it."""
-
-
-@dataclass(frozen=True)
-class _Device:
-    name: str
-
-
-@dataclass(frozen=True)
-class _File:
-    place: Place
-
-
-@dataclass(frozen=True)
-class _Method:
-    owner: Any
-    name: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,6 +81,7 @@ class Evaluator:
         if strange or any((taken.vararg, taken.kwarg, taken.posonlyargs)) or self._depth >= _MAX_DEPTH:
             raise Unsure
         names = [item.arg for item in (*taken.args, *taken.kwonlyargs)]
+        given = [inner.scope["self"], *given] if names[:1] == ["self"] and "self" in inner.scope else given
         defaults = [*zip(names[len(taken.args) - len(taken.defaults) : len(taken.args)], taken.defaults, strict=True)]
         keyword = zip((item.arg for item in taken.kwonlyargs), taken.kw_defaults, strict=True)
         scope = {**inner.scope, **{name: self.value(item, {}) for name, item in (*defaults, *keyword) if item}}
@@ -148,6 +138,8 @@ class Evaluator:
             if not isinstance(record, dict | list) or _is_unknown(key):
                 raise Unsure
             plainly(record.__setitem__, key, value)
+        elif isinstance(target, ast.Attribute) and isinstance(record := self.value(target.value, scope), dict):
+            record[target.attr] = value
         else:
             raise Unsure
 
@@ -218,9 +210,6 @@ class Evaluator:
             raise Unsure
         compute = _EXPRESSIONS.get(type(node))
         return UNKNOWN if compute is None else compute(self, node, scope)
-
-    def _constant(self, node: ast.Constant, _: Scope) -> Any:
-        return node.value
 
     def _name(self, node: ast.Name, scope: Scope) -> Any:
         if node.id in scope:
@@ -314,13 +303,15 @@ class Evaluator:
 
     def _attribute(self, node: ast.Attribute, scope: Scope) -> Any:
         owner = self.value(node.value, scope)
-        if isinstance(owner, _Device) and node.attr == "folder":
+        if isinstance(owner, DeviceOfRuntime) and node.attr == "folder":
             return Place((owner.name, ""))
         if isinstance(owner, dict) and node.attr in owner:
             return owner[node.attr]
+        if isinstance(owner, dict) and (method := self._module.method(owner.get(_CLASS, ""), node.attr)):
+            return _Inner(method, {"self": owner})
         if isinstance(owner, Place) and node.attr == "name" and len(owner.key) > 2:
             return owner.key[-1]
-        return _Method(owner, node.attr) if _is_known(owner) else UNKNOWN
+        return Method(owner, node.attr) if _is_known(owner) else UNKNOWN
 
     def _walrus(self, node: ast.NamedExpr, scope: Scope) -> Any:
         self._store(node.target, value := self.value(node.value, scope), scope)
@@ -355,18 +346,22 @@ class Evaluator:
         known = self.value(node.func, scope)
         if isinstance(known, _Inner):
             return self._enter(known, given, named)
-        if isinstance(known, _Method):
+        if isinstance(known, Method):
             return self._of_value(node, known, given, named)
-        if name == "print" and isinstance(named.get("file"), _File):
+        if name == "print" and isinstance(named.get("file"), OpenFile):
             return self._write(
                 named["file"].place, " ".join(map(str, given)) if all(map(is_plain, given)) else None, node
             )
         if name in ("open", "io.open", "pathlib.Path", "str", "os.fspath") and given and isinstance(given[0], Place):
-            return _File(given[0]) if name.endswith("open") else given[0]
+            return OpenFile(given[0]) if name.endswith("open") else given[0]
         if name in PLAIN:
             whole = all(map(is_plain, (*given, *named.values())))
             return plainly(PLAIN[name], *given, **named) if whole else UNKNOWN
         called = node.func.id if isinstance(node.func, ast.Name) else ""
+        if begin := self._module.method(called, "__init__"):
+            made = {_CLASS: called}
+            self._enter(_Inner(begin, {"self": made}), given, named)
+            return made
         fields = self._module.fields(called)
         return {**dict(zip(fields, given, strict=False)), **named} if fields is not None else self._strange(node)
 
@@ -380,7 +375,7 @@ class Evaluator:
     def _of_runtime(self, node: ast.Call, name: str, given: list[Any], named: Mapping[str, Any]) -> Any:
         first = given[0] if given else None
         if name == "device":
-            return _Device(first) if isinstance(first, str) else UNKNOWN
+            return DeviceOfRuntime(first) if isinstance(first, str) else UNKNOWN
         if name == "bus":
             return first
         if name in ("read_number", "read_integer", "read_text", "read_first") and isinstance(first, Place):
@@ -394,14 +389,14 @@ class Evaluator:
             return [Place((*first.key, item.replace("*", "1"))) for item in given[1:] if isinstance(item, str)]
         return self._strange(node)
 
-    def _of_value(self, node: ast.Call, method: _Method, given: list[Any], named: Mapping[str, Any]) -> Any:
+    def _of_value(self, node: ast.Call, method: Method, given: list[Any], named: Mapping[str, Any]) -> Any:
         owner, name = method.owner, method.name
         first = given[0] if given else None
-        if isinstance(owner, _Device):
+        if isinstance(owner, DeviceOfRuntime):
             kind = [first] if name in ("path", "paths") and isinstance(first, str) else []
             places = [Place((owner.name, each)) for each in kind]
             return owner if name == "bus" else places if name == "paths" else places[0] if places else UNKNOWN
-        if isinstance(owner, Place | _File):
+        if isinstance(owner, Place | OpenFile):
             return self._of_place(node, method, given)
         if name in METHODS and _is_known(owner):
             parts = (owner, *given, *named.values())
@@ -410,9 +405,9 @@ class Evaluator:
             return UNKNOWN
         return self._strange(node)
 
-    def _of_place(self, node: ast.Call, method: _Method, given: list[Any]) -> Any:
+    def _of_place(self, node: ast.Call, method: Method, given: list[Any]) -> Any:
         owner, name = method.owner, method.name
-        place = owner.place if isinstance(owner, _File) else owner
+        place = owner.place if isinstance(owner, OpenFile) else owner
         if name in ("read_text", "read_bytes", "read", "readline"):
             text = self._world.text(place)
             known = not _is_unknown(text)
@@ -429,7 +424,7 @@ class Evaluator:
         if name in ("joinpath", "with_name") and given and all(isinstance(item, str) for item in given):
             return Place((*(place.key if name == "joinpath" else place.key[:-1]), *given))
         if name == "open":
-            return _File(place)
+            return OpenFile(place)
         if name in ("resolve", "absolute"):
             return place
         return self._strange(node)
@@ -461,6 +456,12 @@ class _Module:
                 self._known[name] = self._evaluator.value(bound[0], {})
         return self._known[name]
 
+    def method(self, owner: str, name: str) -> ast.FunctionDef | None:
+        """A method of a class of the file that has no base."""
+        found = [item.body for item in self._source.classes if item.name == owner and not item.bases]
+        methods = [item for body in found for item in body if isinstance(item, ast.FunctionDef) and item.name == name]
+        return methods[0] if len(methods) == 1 and not methods[0].decorator_list else None
+
     def fields(self, name: str) -> list[str] | None:
         """The members of a record that the file defines; None where it defines none of the name."""
         for item in self._source.classes:
@@ -472,7 +473,7 @@ class _Module:
 
 
 def _is_unknown(value: Any) -> bool:
-    return isinstance(value, Unknown | _Method | _Inner)
+    return isinstance(value, Unknown | Method | _Inner)
 
 
 def _is_known(value: Any) -> bool:
@@ -488,7 +489,7 @@ _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.ImportFrom: Evaluator._nothing},
 }
 _EXPRESSIONS: dict[type[ast.expr], Any] = {
-    **{ast.Constant: Evaluator._constant, ast.Name: Evaluator._name, ast.BinOp: Evaluator._binary},
+    **{ast.Constant: lambda _, node, __: node.value, ast.Name: Evaluator._name, ast.BinOp: Evaluator._binary},
     **{ast.UnaryOp: Evaluator._unary, ast.Compare: Evaluator._compare, ast.BoolOp: Evaluator._boolean},
     **{ast.IfExp: Evaluator._choice, ast.JoinedStr: Evaluator._joined, ast.List: Evaluator._rows},
     **{ast.Tuple: Evaluator._rows, ast.Set: Evaluator._rows, ast.Dict: Evaluator._record},

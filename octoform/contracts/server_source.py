@@ -305,6 +305,28 @@ class Place:
     key: Key
 
 
+@dataclass(frozen=True)
+class DeviceOfRuntime:
+    """What `runtime.device` gives."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class OpenFile:
+    """An attribute that was opened."""
+
+    place: Place
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of a value, not called yet."""
+
+    owner: Any
+    name: str
+
+
 @dataclass
 class World:
     """The attributes of all devices: what was written, and what is in those that no tool wrote.

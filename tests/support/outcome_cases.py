@@ -7,9 +7,19 @@ from typing import Any
 
 from novel_servers import LEVEL, NOW, WRITE, light, sets
 from novel_servers import NUMBER as RAW
-from server_edits import adds, all_of, body
+from server_edits import adds, all_of, body, swap, uses
 from wrong_servers import temperature
 
+SHARED = '(folder / "brightness").write_text(str(round(maximum * percent / 100)))'
+LAMP = """
+class Lamp:
+    def __init__(self, folder, maximum):
+        self.file, self.maximum = folder / "brightness", maximum
+
+    def shine(self, percent):
+        level = round(self.maximum * percent / 100)
+        self.file.write_text(str(level))
+"""
 SEEN = "100 * (level / maximum) ** (1 / 2.2)"
 
 
@@ -48,6 +58,25 @@ SERVE_WRONG: dict[str, Any] = {
         "at most a named number": all_of(adds("SAFE = 60"), light(sets("round(maximum * min(percent, SAFE) / 100)"))),
         "in steps of ten": light(sets("round(maximum * (percent // 10 * 10) / 100)")),
         "rounded to tens": light(sets("round(maximum * round(percent, -1) / 100)")),
+        "half of it, by the function of all lights": swap(SHARED, SHARED.replace("100", "200")),
+        "at most half, by the function of all lights": swap(SHARED, SHARED.replace("percent", "min(percent, 50)")),
+        "half of it, by an object": all_of(
+            adds(LAMP),
+            light("Lamp(folder, maximum).shine(percent / 2)"),
+        ),
+        "half of it, that is logged": all_of(
+            uses("logging"),
+            light(
+                f"half = percent / 2\nlogging.getLogger('lamp').info('%s', half)\n{sets('round(maximum * half / 100)')}"
+            ),
+        ),
+        "half of it, tried again": light(
+            f"for left in (2, 1, 0):\n    try:\n        {sets('round(maximum * percent / 200)')}\n        break\n"
+            "    except OSError:\n        if not left:\n            raise\n        time.sleep(0.05)"
+        ),
+        "half of it, into an open file": light(
+            "with (folder / 'brightness').open('w') as file:\n    print(round(maximum * percent / 200), file=file)"
+        ),
         "put back": light(f"before = {NOW}\n{WRITE}\nlevel = {NOW}\n{sets('before')}", "level"),
         "put back, whatever comes": light(
             f"before = (folder / 'brightness').read_text()\ntry:\n    {WRITE}\n    level = {NOW}\n"
@@ -80,6 +109,12 @@ SERVE_RIGHT: dict[str, Any] = {
         "a light of 255 steps": light(sets("round(255 * percent / 100)")),
         "a light with steps that are named": all_of(adds("STEPS = 4095"), light(sets("round(STEPS * percent / 100)"))),
         "a light that is on or off": light(sets("1 if percent >= 50 else 0")),
+        "all of it, by an object": all_of(adds(LAMP), light("Lamp(folder, maximum).shine(percent)")),
+        "an object that turns, in both tools": all_of(
+            adds(LAMP),
+            light("Lamp(folder, maximum).shine(100 - percent)", percent="100 - 100 * level / maximum"),
+            body("read_brightness", shown("100 - 100 * level / maximum")),
+        ),
         "at least one step": light(sets(f"max(1, {LEVEL})")),
         "at most all": light(sets(f"min(maximum, {LEVEL})")),
         "within the range of its argument": light(sets("round(maximum * max(0, min(percent, 100)) / 100)")),

@@ -41,6 +41,8 @@ VALUES: dict[str, tuple[str, Any]] = {
         3,
     ),
     "letters": ("first, second = (2 * int(each) for each in '12')\n    return first + second", 6),
+    "an object": ("counter = Counter(4)\n    counter.more(3)\n    return counter.number", 7),
+    "a method without its object": ("return Counter.more(1, 2)", UNKNOWN),
     "a function of the file": ("return twice(4)", 8),
     "a constant of the file": ("return SCALE * 2", 20),
     "an attribute": ("return runtime.read_number(runtime.device('x').path('hwmon') / 'temp1_max', 0.5)", 50.0),
@@ -48,10 +50,31 @@ VALUES: dict[str, tuple[str, Any]] = {
 }
 
 
+FILE = """
+import runtime
+
+SCALE = 10
+
+
+class Counter:
+    def __init__(self, number):
+        self.number = number
+
+    def more(self, step):
+        self.number = self.number + step
+
+
+def twice(number):
+    return 2 * number
+
+
+def tool():
+    {}
+"""
+
+
 def evaluated(body: str) -> Any:
-    source = needed_source(
-        f"import runtime\nSCALE = 10\n\n\ndef twice(number):\n    return 2 * number\n\n\ndef tool():\n    {body}\n"
-    )
+    source = needed_source(FILE.replace("{}", body))
     world = World(lambda name: 100.0, [50_000])
     [function] = [each for each in source.functions if each.name == "tool"]
     return Evaluator(source, world, [], lambda call, name: True).call(function, {})
