@@ -384,7 +384,7 @@ class Evaluator:
                 return text
             number = plainly(float, text)
             scale = named.get("scale", given[1] if name == "read_number" and len(given) > 1 else 1.0)
-            return int(number) if name == "read_integer" else self._two(ast.Mult, number, scale)
+            return plainly(int, number) if name == "read_integer" else self._two(ast.Mult, number, scale)
         if name == "files" and isinstance(first, Place):
             return [Place((*first.key, item.replace("*", "1"))) for item in given[1:] if isinstance(item, str)]
         return self._strange(node)

@@ -29,6 +29,8 @@ BOUNDLESS = {
     "        number = number * number\n    return number",
     "lists of lists": "rows = list(range(999))\n    for _ in range(9):\n"
     "        rows = [rows for _ in range(999)]\n    return rows == rows",
+    "no number": "path = runtime.device('x').path('y') / 'z'\n    path.write_text('nan')\n"
+    "    return runtime.read_integer(path)",
     "a list in itself": "rows = []\n    rows.append(rows)\n    return sorted(rows) == rows",
 }
 VALUES: dict[str, tuple[str, Any]] = {

@@ -122,3 +122,11 @@ def test_a_reading_may_have_the_steps_that_interface_declares(servers: Servers) 
     [tool] = [item for item in interface["tools"] if item["name"] == "read_temperature"]
     tool["output_schema"]["properties"]["readings"]["items"]["properties"]["value"]["multipleOf"] = 10
     assert serve_static(coarse, interface) == []
+
+
+def test_a_choice_of_nothing_ends_no_judgement(servers: Servers) -> None:
+    interface, good = copy.deepcopy(servers[1])
+    [tool] = [item for item in interface["tools"] if item["name"] == "set_brightness"]
+    tool["input_schema"]["properties"]["mode"] = {"type": "string", "enum": []}
+    tool["input_schema"]["required"].append("mode")
+    assert {item.code for item in serve_static(good, interface)} <= {"SERVE-SCHEMA-DIFFERS"}

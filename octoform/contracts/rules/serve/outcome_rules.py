@@ -93,7 +93,8 @@ def _arguments(tool: JsonObject, device: str, spared: str | None = None) -> Iter
             ways[name] = [smoke[name]]
         elif name != spared:
             ways[name] = _values(member, optional=name not in tool["input_schema"].get("required", ()))
-    if len(calls := list(itertools.islice(itertools.product(*ways.values()), _MAX_CALLS + 1))) > _MAX_CALLS:
+    calls = list(itertools.islice(itertools.product(*ways.values()), _MAX_CALLS + 1))
+    if not 0 < len(calls) <= _MAX_CALLS:
         raise Unsure
     for values in calls:
         yield {name: value for name, value in zip(ways, values, strict=True) if value is not _ABSENT}
