@@ -398,7 +398,7 @@ class Evaluator:
             return owner if name == "bus" else places if name == "paths" else places[0] if places else UNKNOWN
         if isinstance(owner, Place | OpenFile):
             return self._of_place(node, method, given)
-        if name in METHODS and _is_known(owner):
+        if name in METHODS and _is_known(owner) and hasattr(owner, name):
             parts = (owner, *given, *named.values())
             if name in ("append", "get", "items", "values", "keys", "copy", "update") or all(map(is_plain, parts)):
                 return plainly(getattr(owner, name), *given, **named)

@@ -29,6 +29,7 @@ BOUNDLESS = {
     "        number = number * number\n    return number",
     "lists of lists": "rows = list(range(999))\n    for _ in range(9):\n"
     "        rows = [rows for _ in range(999)]\n    return rows == rows",
+    "a method that is not there": "return 'a'.append(1)",
     "no number": "path = runtime.device('x').path('y') / 'z'\n    path.write_text('nan')\n"
     "    return runtime.read_integer(path)",
     "a list in itself": "rows = []\n    rows.append(rows)\n    return sorted(rows) == rows",
