@@ -12,7 +12,7 @@ from bench_host import desk, watched
 from cases import for_each
 from guarded_servers import GUARDED, RIGHT
 from right_servers import READS, RESULTS, reading, result
-from server_edits import Absent, Edit, all_of, complete, swap
+from server_edits import Absent, Edit, all_of, body, complete, swap
 from wrong_servers import BY_DEFINITION, WRONG
 
 from octoform.base.id_databases import IdDatabases
@@ -130,3 +130,21 @@ def test_a_choice_of_nothing_ends_no_judgement(servers: Servers) -> None:
     tool["input_schema"]["properties"]["mode"] = {"type": "string", "enum": []}
     tool["input_schema"]["required"].append("mode")
     assert {item.code for item in serve_static(good, interface)} <= {"SERVE-SCHEMA-DIFFERS"}
+
+
+MANY_WAYS = """
+folder = runtime.device(device).path("video4linux")
+level = 0
+for name in ("index", "minor", "major", "rate"):
+    level += int((folder / name).read_text())
+for name in ("dev", "power", "device", "subsystem"):
+    if (folder / name).is_dir():
+        level += 1
+return [{"pixel_format": "YUYV", "width": level, "height": level, "frames_per_second": [30.0]}]
+"""
+
+
+def test_a_reading_in_many_ways_takes_nothing_from_the_others(servers: Servers) -> None:
+    interface, good = servers[0]
+    coarse = all_of(body("list_camera_formats", MANY_WAYS), outcome_cases.SERVE_WRONG["coarse: to tens"])
+    assert "SERVE-READING-COARSE" in {item.code for item in serve_static(coarse(good), interface)}

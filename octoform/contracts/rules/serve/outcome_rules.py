@@ -7,7 +7,7 @@ Its outcome is computed on made-up attributes (`server_evaluator`), and one exam
 import ast
 import contextlib
 import itertools
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display
@@ -328,11 +328,9 @@ def _step_of(calls: _Calls, tool: JsonObject) -> tuple[str, float, str] | None:
     for key in list(first[0].read) if first is not None else ():
         for begin, step in _SWEEPS:
             series = [f"{begin + step * at}" for at in range(_IN_A_SERIES)]
-            results = [[*calls.outcomes(tool["name"], given, calls.world(1000.0, 500.0, {key: raw}))] for raw in series]
-            if any(len(each) != 1 for each in results):
-                continue  # one way and one result for each raw number
-            for name, unit in units.items():
-                found = [_with_unit(each[0][1], name, unit) for each in results]
+            results = _results(calls, tool, given, ({key: raw} for raw in series))
+            for name, unit in units.items() if results else ():
+                found = [_with_unit(each, name, unit) for each in results]
                 numbers = sorted({number for each in found for number, _ in each})
                 known = {each for row in found for _, each in row}
                 gaps = [two - one for one, two in itertools.pairwise(numbers)]
@@ -340,6 +338,19 @@ def _step_of(calls: _Calls, tool: JsonObject) -> tuple[str, float, str] | None:
                 if wide and len(numbers) * 4 <= _IN_A_SERIES and len(known) == 1 and not known & {None, "%"}:
                     return name, min(gaps), str(known.pop())
     return None
+
+
+def _results(
+    calls: _Calls, tool: JsonObject, given: Mapping[str, Any], stored: Iterable[Mapping[tuple[str, ...], str]]
+) -> list[Any]:
+    """The result of a call on each of these attributes; empty where one of them leaves no way or several."""
+    found = []
+    for attributes in stored:
+        ways = [*itertools.islice(calls.outcomes(tool["name"], given, calls.world(1000.0, 500.0, attributes)), 2)]
+        if len(ways) != 1:
+            return []
+        found.append(ways[0][1])
+    return found
 
 
 def _with_unit(value: Any, name: str, unit: str | None) -> list[tuple[float, str | None]]:
