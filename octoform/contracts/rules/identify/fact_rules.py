@@ -121,6 +121,8 @@ def description_copied(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return out
 
 
+_BY_NAME = frozenset({"descriptor_strings", "id_database", "web_search"})
+"""Methods by which a device is known by a name."""
 _JOINED = 5
 """Letters of a word of class that counts within another word too (``USBPrinter``); a shorter one may be by chance."""
 
@@ -149,6 +151,9 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         shown = ways - RAW or (ways if kind in KINDS or "tty" in ways else frozenset())
         other = kind in INPUTS and INPUT_KINDS.search(str(entry["raw_descriptor"]))
         apart = bool(shown) and (shown | (ways & RAW)).isdisjoint((KINDS | CLASSES)[kind])
+        # A name in whatever language may bear out such a class, unless it names what the kernel made of the device.
+        borne = [each for each in map(kind_of, found) if each and not ways.isdisjoint(KINDS[each])]
+        apart = apart and (kind in KINDS or device["method"] not in _BY_NAME or bool(borne))
         if (apart or other) and missing([kind], found | parts(found)):
             summary = (
                 f"{display(device['id'])} is of the class {display(kind)}, and PROBE shows {listed(sorted(ways))} of it"
