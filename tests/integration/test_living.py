@@ -180,8 +180,9 @@ def test_what_the_manifest_no_longer_wants_is_no_longer_promised(bench: Bench) -
 def test_an_edit_that_a_person_has_adopted_is_served_and_left_alone(bench: Bench) -> None:
     known, server = set(bench.episodes()), bench.layout.output("serve")
     server.write_text(server.read_text() + "\n# a word of the owner's\n")
-    bench.project.run("state", "adopt", "serve", status=0)
-    bench.project.apply(status=0)
+    # The daemon may be looking at the very file, and holds the lock meanwhile.
+    assert until(lambda: bench.project.run("state", "adopt", "serve").status == 0, LONG)
+    assert until(lambda: bench.project.apply().status == 0, LONG)
     assert until(lambda: bench.serves() and not bench.open_episodes(), LONG), bench.said()
     edit(bench)  # a cause to look once more
     fresh = [each for name, each in bench.episodes().items() if name not in known]

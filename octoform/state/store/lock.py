@@ -335,7 +335,7 @@ def _locked(layout: Layout, holder: Holder, me: Process, proc: Path) -> Diagnost
         hint = f"if nothing runs there any more: octoform force-unlock {holder.id}"
     else:
         summary = f"the state of {layout.host} is locked: {holder.operation} by {who}"
-        hint = "wait for it to end, or use -lock-timeout; it is alive, so its lock is not cleared"
+        hint = "wait for it to end (apply and destroy do, with -lock-timeout); it is alive, so its lock is not cleared"
     detail = f"lock {holder.id}, held since {holder.created}"
     return error("STATE-LOCKED", summary, path=display(layout.lock), detail=detail, hint=hint)
 
