@@ -15,7 +15,7 @@ from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.heal_rules import bereft
 from octoform.contracts.rules.serve.device_rules import opens_anything
 from octoform.contracts.rules.serve.tool_rules import tool_sites
-from octoform.contracts.server_source import Function, Source, imported_modules
+from octoform.contracts.server_code.server_source import Function, Source, imported_modules
 from octoform.diagnostics import Diagnostic, error
 from octoform.records import dataclass
 

@@ -15,8 +15,8 @@ from octoform.base.escaping import display, listed
 from octoform.contracts.model import JsonObject
 from octoform.contracts.rules.serve.code_rules import is_standard
 from octoform.contracts.rules.serve.tool_rules import tool_sites
-from octoform.contracts.script_header import declared_names
-from octoform.contracts.server_source import Function, Source, imported_modules, needed_source
+from octoform.contracts.server_code.script_header import declared_names
+from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source
 from octoform.diagnostics import Diagnostic, error
 from octoform.records import dataclass
 

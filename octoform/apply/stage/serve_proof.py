@@ -26,8 +26,8 @@ from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
 from octoform.contracts.rules.serve.line_rules import listening, on_a_line
 from octoform.contracts.rules.serve.tool_rules import tools_importing
 from octoform.contracts.schema_equivalence import serve_dynamic
-from octoform.contracts.script_header import declared_requirements, normalised
-from octoform.contracts.server_source import imported_modules, needed_source
+from octoform.contracts.server_code.script_header import declared_requirements, normalised
+from octoform.contracts.server_code.server_source import imported_modules, needed_source
 from octoform.diagnostics import Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.bounded_program import ForkServer

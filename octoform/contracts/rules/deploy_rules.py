@@ -12,8 +12,13 @@ from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.code_rules import is_standard, programs_of
 from octoform.contracts.rules.text_rules import in_values
-from octoform.contracts.script_header import declared_names, declared_requirements, normalised, required_python
-from octoform.contracts.server_source import Source, imported_modules, read_source
+from octoform.contracts.server_code.script_header import (
+    declared_names,
+    declared_requirements,
+    normalised,
+    required_python,
+)
+from octoform.contracts.server_code.server_source import Source, imported_modules, read_source
 from octoform.diagnostics import Diagnostic, Span, error, warning
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})

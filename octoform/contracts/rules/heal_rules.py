@@ -12,7 +12,7 @@ from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of
-from octoform.contracts.server_source import Function, Source, needed_source
+from octoform.contracts.server_code.server_source import Function, Source, needed_source
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.records import dataclass
 

@@ -15,7 +15,7 @@ from typing import Any
 from octoform.base import files
 from octoform.base.shape import fits
 from octoform.contracts.rules.serve.code_rules import started_blindly, tools_starting
-from octoform.contracts.server_source import Source, read_source
+from octoform.contracts.server_code.server_source import Source, read_source
 from octoform.host import SYSROOT_VARIABLE
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout

@@ -3,7 +3,7 @@
 import pytest
 
 from octoform.apply.rewrite.review import Reach, lost, objections, reach_of
-from octoform.contracts.server_source import needed_source
+from octoform.contracts.server_code.server_source import needed_source
 
 SERVER = '''\
 """A bench."""

@@ -12,7 +12,7 @@ from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, camera_held
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.contracts.schema_equivalence import serve_dynamic
-from octoform.contracts.script_header import declared_requirements
+from octoform.contracts.server_code.script_header import declared_requirements
 
 HASH = "--hash=sha256:" + "ab" * 32
 END = '\n\nif __name__ == "__main__":'

@@ -6,8 +6,9 @@ from typing import Any
 import pytest
 from cases import for_each
 
-from octoform.contracts.server_evaluator import Evaluator
-from octoform.contracts.server_source import UNKNOWN, Failed, Spent, Unsure, World, needed_source
+from octoform.contracts.server_code.computed_values import UNKNOWN, Failed, Spent, Unsure, World
+from octoform.contracts.server_code.server_evaluator import Evaluator
+from octoform.contracts.server_code.server_source import needed_source
 
 BOUNDLESS = {
     "a tower": "return 9 ** 9 ** 9",

@@ -13,8 +13,8 @@ from octoform.base.source_lines import counted
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
 from octoform.contracts.rules.text_rules import in_source
-from octoform.contracts.script_header import declared_names, header, normalised
-from octoform.contracts.server_source import Function, Source, imported_modules, needed_source, walk
+from octoform.contracts.server_code.script_header import declared_names, header, normalised
+from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, error
 
 MAX_LINES = 500

@@ -11,7 +11,7 @@ from functools import lru_cache
 
 from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.server_source import Function, Source, children, needed_source, walk
+from octoform.contracts.server_code.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 # Constructors and functions of device libraries, by the last part of their name.

@@ -12,7 +12,7 @@ from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
-from octoform.contracts.server_source import Function, Source, needed_source, walk
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 # How many pictures a generated server takes of a camera that it has opened, up to the one that it keeps.

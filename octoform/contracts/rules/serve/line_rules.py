@@ -14,7 +14,7 @@ from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.movement_words import commands_something, spoken
 from octoform.contracts.rules.raw_line_rules import cure, unknown_lines
 from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions, tool_sites
-from octoform.contracts.server_source import Function, Source, needed_source, walk
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 CODE = "SERVE-LINE-WRITTEN"

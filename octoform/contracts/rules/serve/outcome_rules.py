@@ -16,17 +16,9 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.tool_rules import readings_of, served_tools, tool_functions
 from octoform.contracts.rules.serve.value_rules import constant_reading, numbers_read
 from octoform.contracts.rules.serve.write_rules import only_reads
-from octoform.contracts.server_evaluator import Evaluator
-from octoform.contracts.server_source import (
-    Failed,
-    Function,
-    Source,
-    Spent,
-    Unsure,
-    World,
-    needed_source,
-    walk,
-)
+from octoform.contracts.server_code.computed_values import Failed, Spent, Unsure, World
+from octoform.contracts.server_code.server_evaluator import Evaluator
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 OTHERWISE, COARSE = "SERVE-SETS-OTHERWISE", "SERVE-READING-COARSE"

@@ -12,11 +12,11 @@ from functools import lru_cache
 
 from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.serve.flow import Flow, flow_of
-from octoform.contracts.rules.serve.origins import Origin
-from octoform.contracts.rules.serve.places import constants, literal_places
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Function, Source, children, needed_source, walk
+from octoform.contracts.server_code.flow import Flow, flow_of
+from octoform.contracts.server_code.origins import Origin
+from octoform.contracts.server_code.places import constants, literal_places
+from octoform.contracts.server_code.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _ELSEWHERE = re.compile(

@@ -20,16 +20,16 @@ from octoform.contracts.rules.serve import (
     value_rules,
     write_rules,
 )
-from octoform.contracts.rules.serve.chosen_values import Chosen
 from octoform.contracts.rules.serve.device_rules import opens_device
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import Origin, last
-from octoform.contracts.rules.serve.places import constants
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import ToolSite, readings_of, served_tools, tool_functions, tool_sites
 from octoform.contracts.rules.serve.value_rules import numbers_read, stored_members
 from octoform.contracts.rules.serve.write_rules import only_reads
-from octoform.contracts.server_source import Function, Source, needed_source, read_source, walk
+from octoform.contracts.server_code.chosen_values import Chosen
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.origins import Origin, last
+from octoform.contracts.server_code.places import constants
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, read_source, walk
 from octoform.diagnostics import Diagnostic
 
 # The rule for SERVE that a tool that acts declares it when it asks for its device: the runtime then distinguishes

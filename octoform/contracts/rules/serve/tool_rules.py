@@ -11,8 +11,8 @@ from functools import lru_cache
 from octoform.base.escaping import display, escaped, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
-from octoform.contracts.script_header import interface_errors
-from octoform.contracts.server_source import Function, Source, imported_modules, needed_source, walk
+from octoform.contracts.server_code.script_header import interface_errors
+from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.records import dataclass
 

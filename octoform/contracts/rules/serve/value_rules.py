@@ -12,13 +12,13 @@ from typing import Any
 from octoform.base.escaping import display
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, Rule
-from octoform.contracts.rules.serve.chosen_values import Chosen, is_measured, is_of_environment, unmeasured
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.kept_values import Kept
-from octoform.contracts.rules.serve.origins import Origin, last
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
-from octoform.contracts.server_source import Source, children, needed_source, walk
+from octoform.contracts.server_code.chosen_values import Chosen, is_measured, is_of_environment, unmeasured
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.kept_values import Kept
+from octoform.contracts.server_code.origins import Origin, last
+from octoform.contracts.server_code.server_source import Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 _AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"

@@ -14,12 +14,12 @@ from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, base, last, touches
-from octoform.contracts.rules.serve.places import folded
 from octoform.contracts.rules.serve.reading_rules import does_nothing, flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions
-from octoform.contracts.server_source import Function, Source, needed_source, walk
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.origins import PLACES, PURE, Origin, base, last, touches
+from octoform.contracts.server_code.places import folded
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic, as_warning
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"

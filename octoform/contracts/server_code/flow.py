@@ -9,7 +9,7 @@ import ast
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
-from octoform.contracts.rules.serve.origins import (
+from octoform.contracts.server_code.origins import (
     CHANCE,
     CLOCK,
     ELSEWHERE,
@@ -34,7 +34,7 @@ from octoform.contracts.rules.serve.origins import (
     last,
     touches,
 )
-from octoform.contracts.server_source import Function, Source, children, walk
+from octoform.contracts.server_code.server_source import Function, Source, children, walk
 
 _COMPREHENSIONS = (ast.ListComp, ast.SetComp, ast.GeneratorExp, ast.DictComp)
 _MATCHED = (ast.MatchAs, ast.MatchStar, ast.MatchMapping)

@@ -8,9 +8,9 @@ mean, is none that is kept.
 import ast
 from collections.abc import Iterable, Iterator
 
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import SELF, Origin, defaults
-from octoform.contracts.server_source import Function, Source, children, walk
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.origins import SELF, Origin, defaults
+from octoform.contracts.server_code.server_source import Function, Source, children, walk
 
 Cell = tuple[object, str]
 """Where a value is kept: what it belongs to (a function, the name of a class, None for the module), and its name."""

@@ -13,10 +13,10 @@ from typing import Any, TypeGuard
 
 from octoform.base.quantities import last_word, unit_of_name, unit_of_text
 from octoform.contracts.model import JsonObject
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import PLACES, PURE, Origin, arguments, last
-from octoform.contracts.rules.serve.places import folded
-from octoform.contracts.server_source import Function, Source, children, walk
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.origins import PLACES, PURE, Origin, arguments, last
+from octoform.contracts.server_code.places import folded
+from octoform.contracts.server_code.server_source import Function, Source, children, walk
 
 Numbers = frozenset[float]
 _DEPTH = 8

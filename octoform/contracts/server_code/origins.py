@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeGuard
 
-from octoform.contracts.server_source import Function, Source, walk
+from octoform.contracts.server_code.server_source import Function, Source, walk
 
 
 class Origin:

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from octoform.contracts.server_source import (
+from octoform.contracts.server_code.computed_values import (
     BINARY,
     METHODS,
     PLAIN,
@@ -18,19 +18,17 @@ from octoform.contracts.server_source import (
     UNKNOWN,
     DeviceOfRuntime,
     Failed,
-    Function,
     Method,
     OpenFile,
     Place,
-    Source,
     Spent,
     Unknown,
     Unsure,
     World,
     is_plain,
     plainly,
-    walk,
 )
+from octoform.contracts.server_code.server_source import Function, Source, walk
 
 _MAX_STEPS, _MAX_DEPTH = 8000, 10
 _YIELDS = (ast.Yield, ast.YieldFrom)

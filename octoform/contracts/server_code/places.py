@@ -6,9 +6,9 @@ from collections.abc import Iterator, Sequence
 from functools import lru_cache
 
 from octoform.base.escaping import display
-from octoform.contracts.rules.serve.flow import Flow
-from octoform.contracts.rules.serve.origins import Origin
-from octoform.contracts.server_source import Source
+from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.origins import Origin
+from octoform.contracts.server_code.server_source import Source
 
 _UNKNOWN = "\0"
 _PLACES = re.compile(r"/(?:dev|sys)(?:/.*)?", re.DOTALL)

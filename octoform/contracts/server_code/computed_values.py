@@ -1,0 +1,174 @@
+"""Values that a tool of a generated server is computed with, and what Python makes of the plain ones, within bounds.
+
+A value is plain (a number, a string, a list, a table of them), something of the runtime's (a device, a place below its
+folder, an open attribute), or unknown. No operation on plain values takes long, whatever the server asks for.
+"""
+
+import ast
+import math
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+_MAX_LENGTH, _MAX_NUMBER, _MAX_DIGITS = 1000, 1 << 64, 20
+
+
+class Unsure(Exception):
+    """The tool has no outcome that can be computed."""
+
+
+class Failed(Exception):
+    """The call ends with an error."""
+
+
+class Spent(Exception):
+    """The budget of all evaluations is used up."""
+
+
+Key = tuple[str, ...]
+"""The device, the class and the names below its folder of one attribute."""
+
+
+class Unknown:
+    """The value of what cannot be computed."""
+
+    def __repr__(self) -> str:
+        return "unknown"
+
+
+UNKNOWN = Unknown()
+
+
+@dataclass(frozen=True)
+class Place:
+    """A folder or a file of the kernel's attributes."""
+
+    key: Key
+
+
+@dataclass(frozen=True)
+class DeviceOfRuntime:
+    """What `runtime.device` gives."""
+
+    name: str
+
+
+@dataclass(frozen=True)
+class OpenFile:
+    """An attribute that was opened."""
+
+    place: Place
+
+
+@dataclass(frozen=True)
+class Method:
+    """A method of a value, not called yet."""
+
+    owner: Any
+    name: str
+
+
+@dataclass
+class World:
+    """The attributes of all devices: what was written, and what is in those that no tool wrote.
+
+    ``left`` is how many expressions may still be evaluated, for all worlds of a file together.
+    """
+
+    usual: Callable[[str], float]
+    left: list[int]
+    stored: dict[Key, str] = field(default_factory=dict)
+    read: dict[Key, None] = field(default_factory=dict)
+    written: dict[Key, ast.Call] = field(default_factory=dict)
+
+    def text(self, place: Place) -> Any:
+        """The text of one attribute; unknown where it is no number."""
+        key = place.key
+        if key not in self.stored and (len(key) < 3 or _TEXTS.search(key[-1])):
+            return UNKNOWN
+        self.read[key] = None
+        value = self.stored.get(key)
+        return value if value is not None else f"{self.usual(key[-1]):g}"
+
+
+_TEXTS = re.compile(
+    r"name|label|trigger|type|status|state|model|uevent|mode|direction|fault|alarm|vendor|available|modalias|governor"
+    r"|\Adev\Z|health|technology|scope|online|present|manufacturer|power_supply|enable"
+)
+PLAIN: Mapping[str, Callable[..., Any]] = {
+    **{item.__name__: item for item in (int, float, str, bool, round, abs, min, max, len, sum, sorted, list)},
+    **{item.__name__: item for item in (tuple, dict, set, range, enumerate, zip, any, all, divmod, reversed)},
+    **{
+        f"math.{name}": getattr(math, name) for name in ("floor", "ceil", "sqrt", "log", "log10", "exp", "trunc", "pow")
+    },
+    **{f"math.{name}": getattr(math, name) for name in ("isclose", "isfinite", "isnan", "log2", "fabs", "copysign")},
+}
+METHODS = frozenset(
+    {"strip", "lstrip", "rstrip", "split", "splitlines", "encode", "decode", "format", "join", "replace", "startswith"}
+    | {"endswith", "lower", "upper", "casefold", "get", "items", "keys", "values", "append", "zfill", "ljust", "rjust"}
+    | {"is_integer", "removesuffix", "removeprefix", "isdigit", "partition", "rpartition", "copy", "index", "count"}
+    | {"update", "extend", "setdefault", "insert", "find"}
+)
+BINARY: Mapping[type[ast.AST], Callable[[Any, Any], Any]] = {
+    **{ast.Add: operator.add, ast.Sub: operator.sub, ast.Mult: operator.mul, ast.Div: operator.truediv},
+    **{ast.FloorDiv: operator.floordiv, ast.Mod: operator.mod, ast.Pow: operator.pow, ast.BitAnd: operator.and_},
+    **{ast.BitOr: operator.or_, ast.BitXor: operator.xor, ast.LShift: operator.lshift, ast.RShift: operator.rshift},
+    **{ast.Lt: operator.lt, ast.LtE: operator.le, ast.Gt: operator.gt, ast.GtE: operator.ge, ast.Eq: operator.eq},
+    **{ast.NotEq: operator.ne, ast.Is: operator.is_, ast.IsNot: operator.is_not},
+}
+UNARY: Mapping[type[ast.AST], Callable[[Any], Any]] = {
+    **{ast.USub: operator.neg, ast.UAdd: operator.pos, ast.Not: operator.not_, ast.Invert: operator.invert},
+}
+
+
+def plainly(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
+    """What Python makes of plain values; an error of it ends the call, and so does what would take long."""
+    if not _is_small(function, (*given, *named.values())):
+        raise Unsure
+    try:
+        value = function(*given, **named)
+    except Exception as problem:
+        raise Failed from problem
+    if hasattr(value, "__next__") or type(value).__name__.startswith("dict_"):
+        value = list(value)
+    large = isinstance(value, int) and abs(value) > _MAX_NUMBER
+    if large or (isinstance(value, str | bytes | list | tuple | dict | set) and len(value) > _MAX_LENGTH):
+        raise Unsure
+    return value
+
+
+def is_plain(value: Any) -> bool:
+    """Whether a value is Python's own, with nothing unknown in it, and not large."""
+    waiting, seen = [value], 0
+    while waiting:
+        item, seen = waiting.pop(), seen + 1
+        if isinstance(item, list | tuple | set | dict):
+            waiting += item.values() if isinstance(item, dict) else item
+        elif item is not None and not isinstance(item, int | float | str | bytes | range):
+            return False
+        if seen > 2 * _MAX_LENGTH or len(waiting) > 2 * _MAX_LENGTH:
+            return False
+    return True
+
+
+_WIDE = re.compile(r"\d{3,}|\*")
+
+
+def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
+    """Whether an operation on plain values ends at once: nothing is repeated, raised or padded without end."""
+    numbers = [item for item in given if isinstance(item, int | float)]
+    texts = [item for item in given if isinstance(item, str | bytes)]
+    name = getattr(function, "__name__", "")
+    if function in (operator.pow, operator.lshift, round):
+        return all(abs(item) <= _MAX_DIGITS for item in numbers[1:]) and not texts
+    if function is operator.mul:
+        return len(numbers) == len(given)
+    if function is operator.mod or name == "format":
+        owner = getattr(function, "__self__", None)
+        forms = [owner] if isinstance(owner, str) else texts[:1] if function is operator.mod else texts[-1:]
+        return not any(_WIDE.search(item if isinstance(item, str) else item.decode("latin-1")) for item in forms)
+    if function is range or name in ("zfill", "ljust", "rjust"):
+        return all(abs(item) <= _MAX_LENGTH for item in numbers)
+    return True
