@@ -72,10 +72,10 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
 
 
 def _counted(devices: Sequence[NamedDevice]) -> str:
-    """``Devices: 7 with no input, 1 with a label``."""
+    """``Identified devices: 7 without your input, 1 with a label``."""
     counts = ((tier, sum(1 for item in devices if item.tier == tier)) for tier in TIERS)
-    words = (f"{count} with {TIERS[tier]}" for tier, count in counts if count)
-    return f"Devices: {', '.join(words)}"
+    words = (f"{count} {f'with {TIERS[tier]}' if tier > 1 else 'without your input'}" for tier, count in counts if count)
+    return f"Identified devices: {', '.join(words)}"
 
 
 def _describe(device: NamedDevice) -> str:
