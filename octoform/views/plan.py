@@ -73,9 +73,9 @@ def ask(questions: Sequence[OpenQuestion], console: Console) -> None:
 
 def _counted(devices: Sequence[NamedDevice]) -> str:
     """``Identified devices: 7 without your input, 1 with a label``."""
-    counts = ((tier, sum(1 for item in devices if item.tier == tier)) for tier in TIERS)
-    words = (f"{count} {f'with {TIERS[tier]}' if tier > 1 else 'without your input'}" for tier, count in counts if count)
-    return f"Identified devices: {', '.join(words)}"
+    words = {tier: f"with {word}" if tier > 1 else "without your input" for tier, word in TIERS.items()}
+    counts = ((sum(1 for item in devices if item.tier == tier), word) for tier, word in words.items())
+    return f"Identified devices: {', '.join(f'{count} {word}' for count, word in counts if count)}"
 
 
 def _describe(device: NamedDevice) -> str:
