@@ -150,3 +150,140 @@ SERVE_RIGHT |= {
         "whole, of a period": "9000000 // {}",
     }.items()
 }
+
+FILE_OF = "folder / 'brightness'"
+PANEL_BEGIN = "class Panel:\n    def __init__(self, folder):\n        self.folder = folder\n\n"
+
+
+def ways(level: str) -> dict[str, Any]:
+    """Setters of this level, each by another way to the attribute."""
+    text = f"str({level})"
+    own = f"        folder, maximum = self.folder, self.maximum\n        ({FILE_OF}).write_text({text})"
+    return {
+        "a program that writes": all_of(
+            uses("subprocess"),
+            light(f"subprocess.run(['tee', str({FILE_OF})], input={text}, text=True, check=True, timeout=5)"),
+        ),
+        "a program that writes bytes": all_of(
+            uses("subprocess"),
+            light(
+                f"subprocess.run(['tee', {FILE_OF}], input={text}.encode(), stdout=subprocess.DEVNULL, timeout=5, "
+                "check=True)"
+            ),
+        ),
+        "a descriptor": all_of(
+            uses("os"),
+            light(
+                f"number = os.open({FILE_OF}, os.O_WRONLY)\ntry:\n    os.write(number, {text}.encode())\n"
+                "finally:\n    os.close(number)"
+            ),
+        ),
+        "a file that is flushed": light(
+            f"with open({FILE_OF}, 'w') as file:\n    file.write({text})\n    file.flush()"
+        ),
+        "lines": light(f"with open({FILE_OF}, 'w') as file:\n    file.writelines([{text}])"),
+        "a thread": all_of(
+            uses("threading"),
+            light(
+                f"worker = threading.Thread(target=({FILE_OF}).write_text, args=({text},))\n"
+                "worker.start()\nworker.join()"
+            ),
+        ),
+        "a pool": all_of(
+            uses("concurrent.futures"),
+            light(
+                "with concurrent.futures.ThreadPoolExecutor(1) as pool:\n"
+                f"    pool.submit(({FILE_OF}).write_text, {text}).result()"
+            ),
+        ),
+        "a process of its own": all_of(
+            adds("def put(file, text):\n    Path(file).write_text(text)"),
+            light(f"runtime.child.call(put, {FILE_OF}, {text})"),
+        ),
+        "an inherited class": all_of(
+            adds(
+                "class Lamp:\n    def __init__(self, folder, maximum):\n"
+                "        self.folder, self.maximum = folder, maximum\n\n    def shine(self, percent):\n"
+                f"        raise NotImplementedError\n\nclass Panel(Lamp):\n    def shine(self, percent):\n{own}"
+            ),
+            light("Panel(folder, maximum).shine(percent)"),
+        ),
+        "a method of the class above": all_of(
+            adds(
+                "class Lamp:\n    def __init__(self, folder):\n        self.folder = folder\n\n"
+                f"    def level(self, percent, maximum):\n        return {level}\n\nclass Panel(Lamp):\n"
+                "    def __init__(self, folder, maximum):\n        super().__init__(folder)\n"
+                "        self.maximum = maximum\n\n    def shine(self, percent):\n"
+                "        level = super().level(percent, self.maximum)\n"
+                "        (self.folder / 'brightness').write_text(str(level))"
+            ),
+            light("Panel(folder, maximum).shine(percent)"),
+        ),
+        "a data class": all_of(
+            uses("dataclasses"),
+            adds(
+                "@dataclasses.dataclass\nclass Panel:\n    folder: Path\n    maximum: int\n\n"
+                f"    def shine(self, percent):\n{own}"
+            ),
+            light("Panel(folder, maximum).shine(percent)"),
+        ),
+        "a context": all_of(
+            adds(
+                f"{PANEL_BEGIN}    def __enter__(self):\n        return self\n\n    def __exit__(self, *failure):\n"
+                "        pass\n\n    def put(self, level):\n        (self.folder / 'brightness').write_text(str(level))"
+            ),
+            light(f"with Panel(folder) as panel:\n    panel.put({level})"),
+        ),
+        "a property and a static method": all_of(
+            adds(
+                f"{PANEL_BEGIN}    @property\n    def maximum(self):\n"
+                "        return int((self.folder / 'max_brightness').read_text())\n\n    @staticmethod\n"
+                f"    def level(maximum, percent):\n        return {level}\n\n    def put(self, percent):\n"
+                "        level = self.level(self.maximum, percent)\n"
+                "        (self.folder / 'brightness').write_text(str(level))"
+            ),
+            light("Panel(folder).put(percent)"),
+        ),
+        "an asynchronous function": all_of(
+            uses("asyncio"),
+            light(f"await asyncio.to_thread(({FILE_OF}).write_text, {text})"),
+            swap("def set_brightness(", "async def set_brightness("),
+        ),
+        "arguments without a number": all_of(
+            adds("def put(file, *parts):\n    file.write_text(''.join(parts))"), light(f"put({FILE_OF}, {text})")
+        ),
+    }
+
+
+def given(words: str) -> Any:
+    """A setter that starts a program with these words."""
+    return all_of(uses("subprocess"), light(f"subprocess.run({words}, check=True, timeout=5)"))
+
+
+SERVE_WRONG |= {f"half of it, by {name}": case for name, case in ways("round(maximum * percent / 200)").items()}
+SERVE_WRONG |= {
+    f"at most some, by {name}": case for name, case in ways("round(maximum * min(percent, 60) / 100)").items()
+}
+SERVE_WRONG |= {
+    "put back, by a context": all_of(
+        adds(
+            f"{PANEL_BEGIN}    def __enter__(self):\n        self.before = (self.folder / 'brightness').read_text()\n"
+            "        return self\n\n    def __exit__(self, *failure):\n"
+            "        (self.folder / 'brightness').write_text(self.before)\n\n    def put(self, level):\n"
+            "        (self.folder / 'brightness').write_text(str(level))"
+        ),
+        light(f"with Panel(folder) as panel:\n    panel.put({LEVEL})\n    level = {NOW}", "level"),
+    ),
+    "a program is given half of it": given("['brightnessctl', 'set', f'{percent / 2:.0f}%']"),
+    "a program is given at most half": given("['brightnessctl', 'set', f'{min(percent, 50):.0f}%']"),
+    "a program is given at most some level": given("['ddcutil', 'setvcp', '10', str(min(round(percent), 50))]"),
+    "a program is given what is left": given("['brightnessctl', 'set', f'{100 - percent:.0f}%']"),
+}
+SERVE_RIGHT |= {f"all of it, by {name}": case for name, case in ways("round(maximum * percent / 100)").items()}
+SERVE_RIGHT |= {
+    "a program is given all of it": given("['brightnessctl', 'set', f'{percent:.0f}%']"),
+    "a program is given the level": given("['ddcutil', 'setvcp', '10', str(round(percent))]"),
+    "a program is given a fraction": given("['xrandr', '--brightness', f'{percent / 100:.2f}']"),
+    "a program switches": given("['ddcutil', 'setvcp', '10', str(100 if percent > 50 else 0)]"),
+    "a program is given steps of the maximum": given("['brightnessctl', 'set', str(round(maximum * percent / 100))]"),
+}

@@ -70,6 +70,42 @@ class Method:
     name: str
 
 
+CLASS, OF = "\0class", "\0of"
+"""The member of an object that names its class, and the name of the class that a running method is of."""
+
+
+@dataclass(frozen=True, eq=False)
+class Inner:
+    """A lambda or a function of the file, with the names around it."""
+
+    node: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+    scope: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Later:
+    """A call that a thread makes, and what it gave."""
+
+    called: Any
+    given: Sequence[Any] = ()
+    named: Mapping[str, Any] = field(default_factory=dict)
+    result: Any = UNKNOWN
+
+
+@dataclass(frozen=True)
+class Pool:
+    """What makes calls in threads."""
+
+
+def is_unknown(value: Any) -> bool:
+    """Whether a value is none that anything can be computed with."""
+    return isinstance(value, Unknown | Method | Inner | Later | Pool)
+
+
+def is_known(value: Any) -> bool:
+    return not is_unknown(value) and value is not None
+
+
 @dataclass
 class World:
     """The attributes of all devices: what was written, and what is in those that no tool wrote.
@@ -82,6 +118,8 @@ class World:
     stored: dict[Key, str] = field(default_factory=dict)
     read: dict[Key, None] = field(default_factory=dict)
     written: dict[Key, ast.Call] = field(default_factory=dict)
+    ran: list[tuple[ast.Call, list[str]]] = field(default_factory=list)
+    """The programs that were started, each with the words that are known; what they did is not."""
 
     def text(self, place: Place) -> Any:
         """The text of one attribute; unknown where it is no number."""

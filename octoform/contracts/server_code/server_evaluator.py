@@ -7,33 +7,37 @@ computed has no outcome. So a right server in unusual words is never found wrong
 
 import ast
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from octoform.contracts.server_code.computed_values import (
     BINARY,
-    METHODS,
+    CLASS,
+    OF,
     PLAIN,
     UNARY,
     UNKNOWN,
     DeviceOfRuntime,
     Failed,
+    Inner,
+    Later,
     Method,
     OpenFile,
     Place,
+    Pool,
     Spent,
-    Unknown,
     Unsure,
     World,
+    is_known,
     is_plain,
+    is_unknown,
     plainly,
 )
+from octoform.contracts.server_code.file_names import FileNames
+from octoform.contracts.server_code.outer_calls import OuterCalls
 from octoform.contracts.server_code.server_source import Function, Source, walk
 
 _MAX_STEPS, _MAX_DEPTH = 8000, 10
 _YIELDS = (ast.Yield, ast.YieldFrom)
-_CLASS = "\0class"
-"""The member of an object that names its class."""
 Scope = dict[str, Any]
 
 
@@ -46,14 +50,6 @@ class _Leave(Exception):
     """The end of a loop, or of one turn of it."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Inner:
-    """A lambda or a function of the file, with the names around it."""
-
-    node: Function | ast.Lambda
-    scope: Scope
-
-
 class Evaluator:
     """One call of one tool, along the way that ``choices`` takes through tests of what is unknown."""
 
@@ -63,28 +59,30 @@ class Evaluator:
         self._source, self._world, self._harmless = source, world, harmless
         self._choices, self.taken = list(choices), list[bool]()
         self._steps = self._depth = 0
-        self._module = _Module(self, source)
+        self._module = FileNames(source, lambda node: self.value(node, {}))
+        self._outer = OuterCalls(world, self._enter, self._strange)
         self._functions = {item.name: item for item in source.functions if source.owner(item) is None}
 
     def call(self, function: Function, named: Mapping[str, Any]) -> Any:
         """The result of a function of the file, in plain values."""
         try:
-            return self._enter(_Inner(function, {}), (), named)
+            return self._enter(Inner(function, {}), (), named)
         except (RecursionError, _Leave) as problem:
             raise Unsure from problem
 
-    def _enter(self, inner: _Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
+    def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
         node, taken = inner.node, inner.node.args
-        strange = isinstance(node, ast.AsyncFunctionDef) or any(isinstance(item, _YIELDS) for item in walk(node))
-        if strange or any((taken.vararg, taken.kwarg, taken.posonlyargs)) or self._depth >= _MAX_DEPTH:
+        if any(isinstance(item, _YIELDS) for item in walk(node)) or taken.kwarg or self._depth >= _MAX_DEPTH:
             raise Unsure
-        names = [item.arg for item in (*taken.args, *taken.kwonlyargs)]
+        places = [*taken.posonlyargs, *taken.args]
+        names = [item.arg for item in places]
         given = [inner.scope["self"], *given] if names[:1] == ["self"] and "self" in inner.scope else given
-        defaults = [*zip(names[len(taken.args) - len(taken.defaults) : len(taken.args)], taken.defaults, strict=True)]
+        defaults = zip(names[len(places) - len(taken.defaults) :], taken.defaults, strict=True)
         keyword = zip((item.arg for item in taken.kwonlyargs), taken.kw_defaults, strict=True)
         scope = {**inner.scope, **{name: self.value(item, {}) for name, item in (*defaults, *keyword) if item}}
         scope |= {**dict(zip(names, given, strict=False)), **named}
-        if not scope.keys() >= set(names):
+        scope |= {taken.vararg.arg: tuple(given[len(names) :])} if taken.vararg else {}
+        if not scope.keys() >= {*names, *(item.arg for item in taken.kwonlyargs)}:
             raise Unsure
         self._depth += 1
         try:
@@ -99,7 +97,7 @@ class Evaluator:
 
     def _decide(self, test: Any) -> bool:
         """Whether a test holds; one of what is unknown is taken as the choices have it."""
-        if not _is_unknown(test):
+        if not is_unknown(test):
             return bool(test)
         at = len(self.taken)
         self.taken.append(self._choices[at] if at < len(self._choices) else True)
@@ -133,7 +131,7 @@ class Evaluator:
                 self._store(item, value[at] if known else UNKNOWN, scope)
         elif isinstance(target, ast.Subscript):
             record, key = self.value(target.value, scope), self.value(target.slice, scope)
-            if not isinstance(record, dict | list) or _is_unknown(key):
+            if not isinstance(record, dict | list) or is_unknown(key):
                 raise Unsure
             plainly(record.__setitem__, key, value)
         elif isinstance(target, ast.Attribute) and isinstance(record := self.value(target.value, scope), dict):
@@ -174,12 +172,25 @@ class Evaluator:
                 if way.args:
                     return
 
-    def _with(self, node: ast.With, scope: Scope) -> None:
+    def _with(self, node: ast.With | ast.AsyncWith, scope: Scope) -> None:
+        left: list[Inner] = []
         for item in node.items:
             value = self.value(item.context_expr, scope)
+            left = [*self._methods(value, "__exit__"), *left]
+            for enter in self._methods(value, "__enter__"):
+                value = self._enter(enter, (), {})
             if item.optional_vars is not None:
                 self._store(item.optional_vars, value, scope)
-        self._block(node.body, scope)
+        try:
+            self._block(node.body, scope)
+        finally:
+            for leave in left:
+                self._enter(leave, (None, None, None), {})
+
+    def _methods(self, owner: Any, name: str) -> list[Inner]:
+        """The method of an object of the file, bound to it; none where it has none."""
+        found = self._module.method(owner.get(CLASS, ""), name) if isinstance(owner, dict) else None
+        return [Inner(found[1], {"self": owner, OF: found[0]})] if found is not None else []
 
     def _try(self, node: ast.Try, scope: Scope) -> None:
         try:
@@ -196,8 +207,8 @@ class Evaluator:
         if not self._decide(self.value(node.test, scope)):
             raise Failed
 
-    def _define(self, node: ast.FunctionDef, scope: Scope) -> None:
-        scope[node.name] = _Inner(node, scope)
+    def _define(self, node: ast.FunctionDef | ast.AsyncFunctionDef, scope: Scope) -> None:
+        scope[node.name] = Inner(node, scope)
 
     def value(self, node: ast.expr, scope: Scope) -> Any:
         """The value of an expression."""
@@ -213,7 +224,7 @@ class Evaluator:
         if node.id in scope:
             return scope[node.id]
         if node.id in self._functions:
-            return _Inner(self._functions[node.id], {})
+            return Inner(self._functions[node.id], {})
         return self._module.value(node.id)
 
     def _two(self, kind: type[ast.AST], left: Any, right: Any) -> Any:
@@ -222,7 +233,7 @@ class Evaluator:
         if kind is ast.In or kind is ast.NotIn:
             return self._within(left, right, negated=kind is ast.NotIn)
         sides = (left, right)
-        if kind in (ast.Is, ast.IsNot) and None in sides and not any(map(_is_unknown, sides)):
+        if kind in (ast.Is, ast.IsNot) and None in sides and not any(map(is_unknown, sides)):
             return (left is right) is (kind is ast.Is)
         combine = BINARY.get(kind)
         return UNKNOWN if combine is None or not all(map(is_plain, sides)) else plainly(combine, left, right)
@@ -248,9 +259,9 @@ class Evaluator:
         for kind, item in zip(node.ops, node.comparators, strict=True):
             right = self.value(item, scope)
             found = self._two(type(kind), left, right)
-            if not _is_unknown(found) and not found:
+            if not is_unknown(found) and not found:
                 return False
-            left, sure = right, sure and not _is_unknown(found)
+            left, sure = right, sure and not is_unknown(found)
         return True if sure else UNKNOWN
 
     def _boolean(self, node: ast.BoolOp, scope: Scope) -> Any:
@@ -305,11 +316,27 @@ class Evaluator:
             return Place((owner.name, ""))
         if isinstance(owner, dict) and node.attr in owner:
             return owner[node.attr]
-        if isinstance(owner, dict) and (method := self._module.method(owner.get(_CLASS, ""), node.attr)):
-            return _Inner(method, {"self": owner})
+        for method in self._methods(owner, node.attr):
+            return self._bound(method)
         if isinstance(owner, Place) and node.attr == "name" and len(owner.key) > 2:
             return owner.key[-1]
-        return Method(owner, node.attr) if _is_known(owner) else UNKNOWN
+        return Method(owner, node.attr) if is_known(owner) or isinstance(owner, Later | Pool) else UNKNOWN
+
+    def _bound(self, method: Inner) -> Any:
+        """A method as its owner has it: a property is its value, a static one has no owner."""
+        said = {self._source.dotted(item).rpartition(".")[2] for item in getattr(method.node, "decorator_list", ())}
+        if said <= {"property", "cached_property"} and said:
+            return self._enter(method, (), {})
+        return (
+            UNKNOWN
+            if said - {"staticmethod", "override"}
+            else Inner(method.node, {})
+            if "staticmethod" in said
+            else method
+        )
+
+    def _awaited(self, node: ast.Await, scope: Scope) -> Any:
+        return self.value(node.value, scope)
 
     def _walrus(self, node: ast.NamedExpr, scope: Scope) -> Any:
         self._store(node.target, value := self.value(node.value, scope), scope)
@@ -328,40 +355,64 @@ class Evaluator:
         return out
 
     def _lambda(self, node: ast.Lambda, scope: Scope) -> Any:
-        return _Inner(node, scope)
+        return Inner(node, scope)
 
     def _called(self, node: ast.Call, scope: Scope) -> Any:
-        if any(isinstance(item, ast.Starred) for item in node.args):
-            return self._strange(node)
-        given = [self.value(item, scope) for item in node.args]
-        named = {item.arg: self.value(item.value, scope) for item in node.keywords if item.arg is not None}
-        for item in (each for each in node.keywords if each.arg is None):
-            more = self.value(item.value, scope)
-            named |= more if isinstance(more, dict) else {}
+        given, named = self._given(node, scope)
         name = self._source.dotted(node.func)
         if name.startswith("runtime.") and "()" not in name:
-            return self._of_runtime(node, name.removeprefix("runtime."), given, named)
-        known = self.value(node.func, scope)
-        if isinstance(known, _Inner):
+            return self._outer.of_runtime(node, name.removeprefix("runtime."), given, named)
+        known = self._above(node.func, scope) or self.value(node.func, scope)
+        if isinstance(known, Inner):
             return self._enter(known, given, named)
         if isinstance(known, Method):
-            return self._of_value(node, known, given, named)
+            return self._outer.of_value(node, known, given, named)
         if name == "print" and isinstance(named.get("file"), OpenFile):
-            return self._write(
-                named["file"].place, " ".join(map(str, given)) if all(map(is_plain, given)) else None, node
-            )
-        if name in ("open", "io.open", "pathlib.Path", "str", "os.fspath") and given and isinstance(given[0], Place):
-            return OpenFile(given[0]) if name.endswith("open") else given[0]
+            text = " ".join(map(str, given)) if all(map(is_plain, given)) else None
+            return self._outer.write(named["file"].place, text, node)
+        if (
+            name in ("open", "io.open", "pathlib.Path", "str", "os.fspath")
+            and given
+            and isinstance(given[0], Place | OpenFile)
+        ):
+            return OpenFile(given[0]) if name.endswith("open") and isinstance(given[0], Place) else given[0]
         if name in PLAIN:
             whole = all(map(is_plain, (*given, *named.values())))
             return plainly(PLAIN[name], *given, **named) if whole else UNKNOWN
-        called = node.func.id if isinstance(node.func, ast.Name) else ""
-        if begin := self._module.method(called, "__init__"):
-            made = {_CLASS: called}
-            self._enter(_Inner(begin, {"self": made}), given, named)
+        return self._made(node, node.func.id if isinstance(node.func, ast.Name) else "", given, named)
+
+    def _given(self, node: ast.Call, scope: Scope) -> tuple[list[Any], dict[str, Any]]:
+        """The arguments of a call, by place and by name."""
+        given: list[Any] = []
+        for item in node.args:
+            rows = self.value(item.value if isinstance(item, ast.Starred) else item, scope)
+            if isinstance(item, ast.Starred) and not isinstance(rows, list | tuple):
+                raise Unsure
+            given += rows if isinstance(item, ast.Starred) else [rows]
+        named = {item.arg: self.value(item.value, scope) for item in node.keywords if item.arg is not None}
+        for word in (each for each in node.keywords if each.arg is None):
+            more = self.value(word.value, scope)
+            named |= more if isinstance(more, dict) else {}
+        return given, named
+
+    def _above(self, function: ast.expr, scope: Scope) -> Inner | None:
+        """The method of a class above, for one that is called on ``super()``."""
+        if not isinstance(function, ast.Attribute) or self._source.dotted(function.value) != "super()":
+            return None
+        found = self._module.method(scope.get(OF, ""), function.attr, above=True)
+        return Inner(found[1], {"self": scope.get("self"), OF: found[0]}) if found is not None else None
+
+    def _made(self, node: ast.Call, name: str, given: list[Any], named: Mapping[str, Any]) -> Any:
+        """An object of a class of the file, or the result of what is none of the file's."""
+        made: dict[str, Any] = {CLASS: name}
+        for begin in self._methods(made, "__init__"):
+            self._enter(begin, given, named)
             return made
-        fields = self._module.fields(called)
-        return {**dict(zip(fields, given, strict=False)), **named} if fields is not None else self._strange(node)
+        fields = self._module.fields(name)
+        if fields is None:
+            return self._outer.of_system(node, self._source.dotted(node.func), given, named)
+        usual = {key: self.value(item, {}) for key, item in fields.items() if item is not None}
+        return {**made, **usual, **dict(zip(fields, given, strict=False)), **named}
 
     def _strange(self, node: ast.Call) -> Any:
         """A call of what is not of the file: harmless, or the end of what is known of a tool that acts."""
@@ -370,113 +421,6 @@ class Evaluator:
             raise Unsure
         return UNKNOWN
 
-    def _of_runtime(self, node: ast.Call, name: str, given: list[Any], named: Mapping[str, Any]) -> Any:
-        first = given[0] if given else None
-        if name == "device":
-            return DeviceOfRuntime(first) if isinstance(first, str) else UNKNOWN
-        if name == "bus":
-            return first
-        if name in ("read_number", "read_integer", "read_text", "read_first") and isinstance(first, Place):
-            text = self._world.text(first)
-            if _is_unknown(text) or name == "read_text":
-                return text
-            number = plainly(float, text)
-            scale = named.get("scale", given[1] if name == "read_number" and len(given) > 1 else 1.0)
-            return plainly(int, number) if name == "read_integer" else self._two(ast.Mult, number, scale)
-        if name == "files" and isinstance(first, Place):
-            return [Place((*first.key, item.replace("*", "1"))) for item in given[1:] if isinstance(item, str)]
-        return self._strange(node)
-
-    def _of_value(self, node: ast.Call, method: Method, given: list[Any], named: Mapping[str, Any]) -> Any:
-        owner, name = method.owner, method.name
-        first = given[0] if given else None
-        if isinstance(owner, DeviceOfRuntime):
-            kind = [first] if name in ("path", "paths") and isinstance(first, str) else []
-            places = [Place((owner.name, each)) for each in kind]
-            return owner if name == "bus" else places if name == "paths" else places[0] if places else UNKNOWN
-        if isinstance(owner, Place | OpenFile):
-            return self._of_place(node, method, given)
-        if name in METHODS and _is_known(owner) and hasattr(owner, name):
-            parts = (owner, *given, *named.values())
-            if name in ("append", "get", "items", "values", "keys", "copy", "update") or all(map(is_plain, parts)):
-                return plainly(getattr(owner, name), *given, **named)
-            return UNKNOWN
-        return self._strange(node)
-
-    def _of_place(self, node: ast.Call, method: Method, given: list[Any]) -> Any:
-        owner, name = method.owner, method.name
-        place = owner.place if isinstance(owner, OpenFile) else owner
-        if name in ("read_text", "read_bytes", "read", "readline"):
-            text = self._world.text(place)
-            known = not _is_unknown(text)
-            return text if not known else f"{text}\n".encode() if name == "read_bytes" else f"{text}\n"
-        if name in ("write_text", "write_bytes", "write"):
-            text = (
-                given[0].decode("utf-8", "replace")
-                if given and isinstance(given[0], bytes)
-                else given[0]
-                if given
-                else None
-            )
-            return self._write(place, text if isinstance(text, str) else None, node)
-        if name in ("joinpath", "with_name") and given and all(isinstance(item, str) for item in given):
-            return Place((*(place.key if name == "joinpath" else place.key[:-1]), *given))
-        if name == "open":
-            return OpenFile(place)
-        if name in ("resolve", "absolute"):
-            return place
-        return self._strange(node)
-
-    def _write(self, place: Place, text: str | None, node: ast.Call) -> None:
-        if text is None:
-            raise Unsure
-        self._world.stored[place.key] = text.strip()
-        self._world.written[place.key] = node
-
-
-class _Module:
-    """The names of the file itself, each computed once."""
-
-    def __init__(self, evaluator: Evaluator, source: Source) -> None:
-        self._evaluator, self._source, self._known = evaluator, source, dict[str, Any]()
-        self._bound: dict[str, list[ast.expr]] = {}
-        for item in source.tree.body:
-            if isinstance(item, ast.Assign | ast.AnnAssign) and item.value is not None:
-                for target in item.targets if isinstance(item, ast.Assign) else [item.target]:
-                    self._bound.setdefault(ast.unparse(target), []).append(item.value)
-
-    def value(self, name: str) -> Any:
-        """The value of a constant of the file; unknown where it is bound more than once."""
-        if name not in self._known:
-            self._known[name] = UNKNOWN
-            bound = self._bound.get(name, [])
-            if len(bound) == 1:
-                self._known[name] = self._evaluator.value(bound[0], {})
-        return self._known[name]
-
-    def method(self, owner: str, name: str) -> ast.FunctionDef | None:
-        """A method of a class of the file that has no base."""
-        found = [item.body for item in self._source.classes if item.name == owner and not item.bases]
-        methods = [item for body in found for item in body if isinstance(item, ast.FunctionDef) and item.name == name]
-        return methods[0] if len(methods) == 1 and not methods[0].decorator_list else None
-
-    def fields(self, name: str) -> list[str] | None:
-        """The members of a record that the file defines; None where it defines none of the name."""
-        for item in self._source.classes:
-            if item.name == name and not any(isinstance(each, ast.FunctionDef) for each in item.body):
-                names = [each.target for each in item.body if isinstance(each, ast.AnnAssign)]
-                return [each.id for each in names if isinstance(each, ast.Name)]
-        made = [self._source.dotted(item) for item in self._bound.get(name, [])]
-        return [] if len(made) == 1 and made[0].endswith("TypedDict()") else None
-
-
-def _is_unknown(value: Any) -> bool:
-    return isinstance(value, Unknown | Method | _Inner)
-
-
-def _is_known(value: Any) -> bool:
-    return not _is_unknown(value) and value is not None
-
 
 _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.Assign: Evaluator._assign, ast.AnnAssign: Evaluator._assign, ast.AugAssign: Evaluator._add},
@@ -484,7 +428,7 @@ _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.With: Evaluator._with, ast.Try: Evaluator._try, ast.Raise: Evaluator._raise, ast.Break: Evaluator._raise},
     **{ast.Continue: Evaluator._raise, ast.Assert: Evaluator._assert, ast.FunctionDef: Evaluator._define},
     **{ast.Expr: Evaluator._expression, ast.Pass: Evaluator._nothing, ast.Import: Evaluator._nothing},
-    **{ast.ImportFrom: Evaluator._nothing},
+    **{ast.ImportFrom: Evaluator._nothing, ast.AsyncWith: Evaluator._with, ast.AsyncFunctionDef: Evaluator._define},
 }
 _EXPRESSIONS: dict[type[ast.expr], Any] = {
     **{ast.Constant: lambda _, node, __: node.value, ast.Name: Evaluator._name, ast.BinOp: Evaluator._binary},
@@ -493,5 +437,5 @@ _EXPRESSIONS: dict[type[ast.expr], Any] = {
     **{ast.Tuple: Evaluator._rows, ast.Set: Evaluator._rows, ast.Dict: Evaluator._record},
     **{ast.Subscript: Evaluator._item, ast.Attribute: Evaluator._attribute, ast.NamedExpr: Evaluator._walrus},
     **{ast.ListComp: Evaluator._listed, ast.GeneratorExp: Evaluator._listed, ast.Lambda: Evaluator._lambda},
-    **{ast.Call: Evaluator._called},
+    **{ast.Call: Evaluator._called, ast.Await: Evaluator._awaited},
 }

@@ -146,7 +146,9 @@ def _raises(source: Source, statement: ast.stmt, entered: frozenset[str]) -> boo
         # A method of an object that is made in the same expression is that of its class.
         names |= {source.dotted(call.func).rpartition(".")[2] for call in called if _is_of_own(source, call)} - entered
         inner = [item for item in source.functions if item.name in names]
-        return any(_always_raises(source, item.body, entered | {item.name}) for item in inner)
+        # Of a method that a class below replaces, the one above may only raise.
+        ends = {item: _always_raises(source, item.body, entered | {item.name}) for item in inner}
+        return any(all(ends[item] for item in inner if item.name == name) for name in {item.name for item in inner})
     return False
 
 
