@@ -18,6 +18,7 @@ import octoform
 from octoform.base import shortage
 from octoform.base.files import parse
 from octoform.diagnostics import did_you_mean
+from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import sandbox
 from octoform.harness.installer import node_version
@@ -281,7 +282,9 @@ def _api(way: Access, answer: ApiAnswer, environ: Mapping[str, str], passed_on: 
     if answer.status is None:
         unseen = _unseen_proxy(way, environ, passed_on)
         hint = f"{unseen} is set, but the agent does not see it: add it to `env` of the harness"
-        return failed("model API", f"{where}: {answer.problem}", hint if unseen else "check `base_url` and the network")
+        if not unseen:
+            hint = UNTRUSTED if is_untrusted(answer.problem or "") else "check `base_url` and the network"
+        return failed("model API", f"{where}: {answer.problem}", hint)
     if answer.status == 200 or answer.refuses(way.api):
         return passed("model API", f"{where} answers")
     hint = "check `base_url` and `api`" if answer.status < 500 else "try again later"

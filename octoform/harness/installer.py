@@ -11,7 +11,9 @@ from pathlib import Path
 
 from octoform.base.files import parse, read_plain, replace
 from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.atomic_install import Setup, Slot, filled
+from octoform.harness.containment.agent_environment import certificates
 from octoform.harness.node_runtime import Node, at_least, machine_version, obtain, version_of
 from octoform.harness.program_location import RECORD, Located, Pin, folder, locate
 from octoform.harness.short_command import ShortRun, short_run, stated_version
@@ -22,7 +24,7 @@ NPM_SECONDS = 900.0
 REASON_LINES = 12
 PACKAGE_BYTES = 1 << 20
 REASON_CHARS = 2000
-PASSED = ("HOME", "TMPDIR", "NODE_EXTRA_CA_CERTS", "SSL_CERT_FILE", "SSL_CERT_DIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME")
+PASSED = ("HOME", "TMPDIR", "XDG_CONFIG_HOME", "XDG_CACHE_HOME")
 PREFIXES = ("npm_config_", "NPM_")
 PROXIES = ("HTTP_PROXY", "HTTPS_PROXY", "NO_PROXY", "ALL_PROXY")
 FLAGS = (
@@ -131,9 +133,10 @@ def _version_in(package: Path) -> str | None:
 
 
 def _environment(node: Node, environ: Mapping[str, str]) -> dict[str, str]:
-    """The environment of npm and the install scripts: the person's npm settings and proxies, and no other secrets."""
+    """The environment of npm and the install scripts: the person's npm settings, proxies and trusted certificates."""
     names = (*PASSED, *PROXIES, *(name.lower() for name in PROXIES))
-    found = {name: value for name, value in environ.items() if name in names or name.startswith(PREFIXES)}
+    found = certificates(environ)
+    found |= {name: value for name, value in environ.items() if name in names or name.startswith(PREFIXES)}
     path = environ.get("PATH", "")
     return found | {"PATH": f"{node.folder}:{path}" if node.folder else path, "LANG": "C.UTF-8", "TERM": "dumb"}
 
@@ -165,11 +168,12 @@ def _last_lines(done: ShortRun) -> str:
 
 
 def _failed(pin: Pin, reason: str, detail: str | None) -> Diagnostic:
+    hint = UNTRUSTED if detail and is_untrusted(detail) else "put the reason right"
     return error(
         "HARNESS-INSTALL-FAILED",
         f"{pin.binary} {pin.version} could not be installed: {reason}",
         detail=detail or None,
-        hint="what was there before is as it was; put the reason right and install again",
+        hint=f"what was there before is as it was; {hint} and install again",
     )
 
 

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.atomic_install import Setup, Slot, filled
 from octoform.harness.short_command import ShortRun, short_run
 from octoform.records import dataclass
@@ -19,6 +20,7 @@ VERSION = "22.20.0"
 FOR_SCRIPTS = (22, 0)
 """The oldest node for install scripts of programs that need none at run time."""
 VERSION_SECONDS = 30.0
+OFFLINE = "connect the host, set the index (UV_DEFAULT_INDEX or PIP_INDEX_URL), or install node 22.19 with npm"
 _VERSION = re.compile(r"v?(\d+)\.(\d+)\.(\d+)")
 
 
@@ -108,5 +110,5 @@ def _missing(reason: str) -> Diagnostic:
         "HARNESS-INSTALL-NODE",
         f"node {VERSION} could not be fetched from the Python package index",
         detail=reason,
-        hint="connect the host, set the index (UV_DEFAULT_INDEX or PIP_INDEX_URL), or install node 22.19 with npm",
+        hint=UNTRUSTED if is_untrusted(reason) else OFFLINE,
     )

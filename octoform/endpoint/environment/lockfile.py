@@ -16,6 +16,7 @@ from uv import find_uv_bin
 
 from octoform.base.files import read, replace
 from octoform.diagnostics import Diagnostic, error
+from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.endpoint.bounded_program import Finished, base_environment, run
 
 # The package tool (uv): found, given a small environment, run for a bounded time, its reason made short.
@@ -70,9 +71,11 @@ def tool_environment() -> dict[str, str]:
     return found
 
 
-def is_network_failure(finished: Finished) -> bool:
-    """True when uv reports that it could not reach an index."""
-    return finished.timed_out or _NETWORK.search(finished.stderr) is not None
+def unreached(finished: Finished) -> str | None:
+    """What to do when uv reports that it could not reach an index; None when it reports something else."""
+    if is_untrusted(finished.stderr):
+        return UNTRUSTED
+    return OFFLINE if finished.timed_out or _NETWORK.search(finished.stderr) is not None else None
 
 
 def reason(finished: Finished) -> str:
@@ -120,7 +123,7 @@ def resolve(requirements: Sequence[str], project: Path, previous: str | None = N
                     return normalise(read(lock).decode()), ()
         except FileNotFoundError as problem:
             return None, (tool_missing(problem),)
-    hint = OFFLINE if is_network_failure(finished) else None
+    hint = unreached(finished)
     return None, (
         error(
             "ENDPOINT-RESOLVE-FAILED",

@@ -21,13 +21,38 @@ PRIVATE = ("home", "tmp")
 """Folders of an attempt that are no part of its record: they may be large, or hold what a program cached of a login."""
 
 
+CERTIFICATES = ("SSL_CERT_FILE", "SSL_CERT_DIR", "NODE_EXTRA_CA_CERTS", "REQUESTS_CA_BUNDLE")
+STORES = (
+    "/etc/ssl/certs/ca-certificates.crt",
+    "/etc/pki/tls/certs/ca-bundle.crt",
+    "/etc/ssl/ca-bundle.pem",
+    "/etc/ssl/cert.pem",
+)
+"""Where systems keep the certificates that they trust as one file."""
+
+
+def certificates(caller: Mapping[str, str], stores: Sequence[str] = STORES) -> dict[str, str]:
+    """The variables that name the certificates to trust: the caller's, else the system's store.
+
+    Node and most libraries of Python trust lists of their own, which know no company's proxy and no private server.
+    """
+    found = {name: caller[name] for name in CERTIFICATES if caller.get(name)}
+    store = next((name for name in stores if Path(name).is_file()), None)
+    if store is not None and not found.keys() & {"SSL_CERT_FILE", "SSL_CERT_DIR"}:
+        found["SSL_CERT_FILE"] = store
+    if "SSL_CERT_FILE" in found:
+        found.setdefault("NODE_EXTRA_CA_CERTS", found["SSL_CERT_FILE"])
+    return found
+
+
 def minimal(workdir: Path, caller: Mapping[str, str], named: Sequence[str] = ()) -> dict[str, str]:
     """The environment of an agent in ``workdir``; makes its private ``home`` and ``tmp`` folders there (0700).
 
-    ``caller`` is where PATH, OCTOFORM_* settings and the ``named`` variables come from; a named one that the caller
-    lacks is omitted. An OCTOFORM_ variable whose name states that it is a secret is passed only when it is named.
+    ``caller`` is where PATH, OCTOFORM_* settings, certificates and the ``named`` variables come from; a named one that
+    the caller lacks is omitted. An OCTOFORM_ variable whose name states that it is a secret is passed only when named.
     """
-    out = {name: value for name, value in caller.items() if name.startswith(PREFIX) and not is_secret(name)}
+    out = certificates(caller)
+    out |= {name: value for name, value in caller.items() if name.startswith(PREFIX) and not is_secret(name)}
     out |= {
         "PATH": caller.get("PATH") or FALLBACK_PATH,
         "HOME": str(_folder(workdir / PRIVATE[0])),

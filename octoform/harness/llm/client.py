@@ -20,6 +20,7 @@ BACKOFF_SECONDS = 1.5
 MAX_BACKOFF_SECONDS = 20.0
 ALIVE_SECONDS = 5.0
 BAD_REQUEST = 400
+MAX_CAUSES = 20
 SEARCH = "web_search_options"
 SETTINGS = {
     # Before the import, or it asks the network for a list of prices.
@@ -176,7 +177,7 @@ class LiteLLM:
         headers = getattr(getattr(problem, "response", None), "headers", None) or {}
         wait = str(headers.get("retry-after", ""))
         return Refusal(
-            text=str(problem) or type(problem).__name__,
+            text=_said(problem),
             status=status if isinstance(status, int) else None,
             too_long=isinstance(problem, self._library.ContextWindowExceededError),
             wait_seconds=float(wait) if wait.isdecimal() else None,
@@ -247,6 +248,16 @@ class Patient:
 def size_of(messages: Sequence[Mapping[str, Any]]) -> int:
     """Bytes of a conversation as it is sent."""
     return len(json.dumps(messages, ensure_ascii=False).encode("utf-8", "replace"))
+
+
+def _said(problem: BaseException) -> str:
+    """The words of a failure and of its first cause; those of the library alone are ``Connection error``."""
+    text, first = str(problem) or type(problem).__name__, problem
+    for _ in range(MAX_CAUSES):
+        if (cause := first.__cause__ or first.__context__) is None:
+            break
+        first = cause
+    return text if str(first) in text else f"{text} ({first})"
 
 
 def _close(stream: Any) -> None:

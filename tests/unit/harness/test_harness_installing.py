@@ -70,6 +70,20 @@ def test_npm_is_asked_for_the_exact_version_without_scripts_and_sees_no_foreign_
     }
 
 
+def test_npm_and_its_node_trust_what_the_person_or_the_system_trusts(machine: Machine) -> None:
+    machine.extra = {"SSL_CERT_FILE": "/corporate.pem"}
+    installed(machine)
+    (call,) = machine.calls()
+    assert call["env"]["SSL_CERT_FILE"] == call["env"]["NODE_EXTRA_CA_CERTS"] == "/corporate.pem"
+
+
+def test_a_certificate_that_is_not_trusted_is_the_reason(machine: Machine) -> None:
+    words = "npm error code UNABLE_TO_VERIFY_LEAF_SIGNATURE"
+    machine.npm(f"print({words!r}, file=sys.stderr); sys.exit(1)")
+    problem = machine.install()
+    assert isinstance(problem, Diagnostic) and "system's store" in str(problem.hint)
+
+
 def test_scripts_run_where_the_program_needs_them(machine: Machine) -> None:
     assert isinstance(machine.install(replace(PIN, scripts=True)), Installation)
     assert "--ignore-scripts=false" in machine.calls()[0]["argv"]
