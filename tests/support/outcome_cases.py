@@ -7,7 +7,7 @@ from typing import Any
 
 from novel_servers import LEVEL, NOW, WRITE, light, sets
 from novel_servers import NUMBER as RAW
-from server_edits import adds, all_of, body, swap, uses
+from server_edits import FILE, adds, all_of, body, read_by, swap, uses
 from wrong_servers import temperature
 
 SHARED = '(folder / "brightness").write_text(str(round(maximum * percent / 100)))'
@@ -286,4 +286,61 @@ SERVE_RIGHT |= {
     "a program is given a fraction": given("['xrandr', '--brightness', f'{percent / 100:.2f}']"),
     "a program switches": given("['ddcutil', 'setvcp', '10', str(100 if percent > 50 else 0)]"),
     "a program is given steps of the maximum": given("['brightnessctl', 'set', str(round(maximum * percent / 100))]"),
+}
+
+CRITICAL, SECOND, ZEROTH = (FILE.replace("temp1_input", name) for name in ("temp1_crit", "temp2_input", "temp0_input"))
+LAMPS = "folder = runtime.device(device).path('backlight')\nmaximum = int((folder / 'max_brightness').read_text())\n"
+SERVE_WRONG |= {
+    f"scale: {name}": case
+    for name, case in {
+        "millidegrees as degrees": read_by(f"value = {RAW}", "value"),
+        "a tenth of it": read_by(f"value = {RAW}", "value / 10000"),
+        "ten times it": read_by(f"value = {RAW}", "value / 100"),
+        "Fahrenheit as Celsius": read_by(f"value = {RAW}", "value / 1000 * 9 / 5 + 32"),
+        "kelvin as Celsius": read_by(f"value = {RAW}", "value / 1000 + 273.15"),
+        "without its sign": read_by(f"value = {RAW}", "abs(value) / 1000"),
+        "as an unsigned number": read_by(f"value = int(({FILE}).read_text()) & 0xffff"),
+        "the sum of three": read_by(f"value = sum({RAW} for _ in range(3))"),
+        "a mean over the wrong number": read_by(f"values = [{RAW} for _ in range(5)]\nvalue = sum(values) / 3"),
+        "the limit instead of the reading": read_by(f"value = float(({CRITICAL}).read_text())"),
+        "the next channel": read_by(f"value = float(({SECOND}).read_text())"),
+        "a channel counted from zero": read_by(f"value = float(({ZEROTH}).read_text())"),
+        "by a scale of the runtime": read_by(f"value = runtime.read_number({FILE}, 0.01)", "value"),
+        "level and maximum exchanged": body(
+            "read_brightness",
+            f"{LAMPS}level = {NOW}\nlamp = Light(name='panel', percent=100 * level / maximum, level=maximum, "
+            "maximum=level)\nreturn Lights(device=device, lights=[lamp])",
+        ),
+        "the level as maximum": body(
+            "read_brightness",
+            f"{LAMPS}level = {NOW}\nlamp = Light(name='panel', percent=100 * level / maximum, level=level, "
+            "maximum=level)\nreturn Lights(device=device, lights=[lamp])",
+        ),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"scale: {name}": case
+    for name, case in {
+        "decimals": read_by(f"import decimal\nvalue = float(decimal.Decimal(({FILE}).read_text().strip()))"),
+        "a scale of the runtime": read_by(
+            f"value = runtime.read_number({FILE}, scale=0.001)\nif value is None:\n    raise ToolError('no reading')",
+            "value",
+        ),
+        "a mean of three": read_by(f"import statistics\nvalue = statistics.fmean({RAW} for _ in range(3))"),
+        "a mean by hand": read_by(f"values = [{RAW} for _ in range(4)]\nvalue = sum(values) / 4"),
+        "a mean by its length": read_by(f"values = [{RAW} for _ in range(4)]\nvalue = sum(values) / len(values)"),
+        "the largest of three": read_by(f"value = max({RAW} for _ in range(3))"),
+        "as bytes": read_by(f"with open({FILE}, 'rb') as file:\n    value = int(file.read())"),
+        "signed, of a word": read_by(f"raw = int(({FILE}).read_text())\nvalue = raw - 65536 if raw > 32767 else raw"),
+        "rounded to a tenth": read_by(f"value = {RAW}", "round(value / 1000, 1)"),
+        "a calibration": read_by(f"value = 1.02 * {RAW} - 800"),
+        "sorted, the middle one": read_by(f"values = [{RAW} for _ in range(3)]\nvalues.sort()\nvalue = values[1]"),
+        "by an object of the file": all_of(
+            adds(
+                "class Sensor:\n    def __init__(self, folder):\n        self.folder = folder\n\n    @property\n"
+                "    def celsius(self):\n        return int((self.folder / 'temp1_input').read_text()) / 1000"
+            ),
+            read_by("value = Sensor(runtime.device('hwmon-benchtemp').path('hwmon')).celsius", "value"),
+        ),
+    }.items()
 }

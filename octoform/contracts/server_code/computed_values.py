@@ -8,6 +8,7 @@ import ast
 import math
 import operator
 import re
+import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
@@ -141,6 +142,7 @@ PLAIN: Mapping[str, Callable[..., Any]] = {
     **{
         f"math.{name}": getattr(math, name) for name in ("floor", "ceil", "sqrt", "log", "log10", "exp", "trunc", "pow")
     },
+    **{f"statistics.{name}": getattr(statistics, name) for name in ("mean", "fmean", "median")},
     **{f"math.{name}": getattr(math, name) for name in ("isclose", "isfinite", "isnan", "log2", "fabs", "copysign")},
 }
 METHODS = frozenset(

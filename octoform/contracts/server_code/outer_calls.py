@@ -32,7 +32,7 @@ _QUIET = frozenset({"flush", "close", "seek", "fsync", "lseek", "truncate", "ftr
 class OuterCalls:
     """The calls of what is not a function of the file."""
 
-    def __init__(self, world: World, enter: Enter, strange: Callable[[ast.Call], Any]) -> None:
+    def __init__(self, world: World, enter: Enter, strange: Callable[..., Any]) -> None:
         self._world, self._enter, self._strange = world, enter, strange
 
     def of_runtime(self, node: ast.Call, name: str, given: list[Any], named: Mapping[str, Any]) -> Any:
@@ -55,7 +55,7 @@ class OuterCalls:
             return plainly(operator.mul, number, scale) if is_plain(scale) else UNKNOWN
         if name == "files" and isinstance(first, Place):
             return [Place((*first.key, item.replace("*", "1"))) for item in given[1:] if isinstance(item, str)]
-        return self._strange(node)
+        return self._strange(node, *given)
 
     def of_system(self, node: ast.Call, name: str, given: list[Any], named: Mapping[str, Any]) -> Any:
         """The result of a descriptor, a program or a thread."""
@@ -82,7 +82,7 @@ class OuterCalls:
             return Later(target, rows, words) if known else self._strange(node)
         if last == "ThreadPoolExecutor":
             return Pool()
-        return self._strange(node)
+        return self._strange(node, *given)
 
     def of_value(self, node: ast.Call, method: Method, given: list[Any], named: Mapping[str, Any]) -> Any:
         """The result of a method of a value."""
@@ -101,7 +101,7 @@ class OuterCalls:
             if name in ("append", "get", "items", "values", "keys", "copy", "update") or all(map(is_plain, parts)):
                 return plainly(getattr(owner, name), *given, **named)
             return UNKNOWN
-        return self._strange(node)
+        return self._strange(node, owner, *given)
 
     def of_place(self, node: ast.Call, method: Method, given: list[Any]) -> Any:
         """The result of a method of a path or an open file."""

@@ -54,7 +54,7 @@ class Evaluator:
     """One call of one tool, along the way that ``choices`` takes through tests of what is unknown."""
 
     def __init__(
-        self, source: Source, world: World, choices: Sequence[bool], harmless: Callable[[ast.Call, str], bool]
+        self, source: Source, world: World, choices: Sequence[bool], harmless: Callable[[ast.Call, str, bool], bool]
     ) -> None:
         self._source, self._world, self._harmless = source, world, harmless
         self._choices, self.taken = list(choices), list[bool]()
@@ -343,15 +343,25 @@ class Evaluator:
         return value
 
     def _listed(self, node: ast.ListComp | ast.GeneratorExp, scope: Scope) -> Any:
+        inner = self._rows_of(node, scope)
+        return UNKNOWN if inner is None else [self.value(node.elt, each) for each in inner]
+
+    def _tabled(self, node: ast.DictComp, scope: Scope) -> Any:
+        inner = self._rows_of(node, scope)
+        pairs = [(self.value(node.key, each), self.value(node.value, each)) for each in inner or ()]
+        return UNKNOWN if inner is None or not all(is_plain(key) for key, _ in pairs) else plainly(dict, pairs)
+
+    def _rows_of(self, node: ast.ListComp | ast.GeneratorExp | ast.DictComp, scope: Scope) -> list[Scope] | None:
+        """The names at each row of a comprehension that its tests keep; None where the rows are unknown."""
         rows = self.value(node.generators[0].iter, scope)
         if len(node.generators) != 1 or not isinstance(rows, list | tuple | range | str):
-            return UNKNOWN
+            return None
         out = []
         for row in rows:
             inner = dict(scope)
             self._store(node.generators[0].target, row, inner)
             if all(self._decide(self.value(test, inner)) for test in node.generators[0].ifs):
-                out.append(self.value(node.elt, inner))
+                out.append(inner)
         return out
 
     def _lambda(self, node: ast.Lambda, scope: Scope) -> Any:
@@ -414,10 +424,11 @@ class Evaluator:
         usual = {key: self.value(item, {}) for key, item in fields.items() if item is not None}
         return {**made, **usual, **dict(zip(fields, given, strict=False)), **named}
 
-    def _strange(self, node: ast.Call) -> Any:
-        """A call of what is not of the file: harmless, or the end of what is known of a tool that acts."""
+    def _strange(self, node: ast.Call, *given: Any) -> Any:
+        """A call of what is not of the file: harmless, or the end of what is known; it may change what it is given."""
         name = self._source.dotted(node.func)
-        if not self._harmless(node, name):
+        changed = any(isinstance(item, list | dict | set) for item in given)
+        if not self._harmless(node, name, changed):
             raise Unsure
         return UNKNOWN
 
@@ -436,6 +447,11 @@ _EXPRESSIONS: dict[type[ast.expr], Any] = {
     **{ast.IfExp: Evaluator._choice, ast.JoinedStr: Evaluator._joined, ast.List: Evaluator._rows},
     **{ast.Tuple: Evaluator._rows, ast.Set: Evaluator._rows, ast.Dict: Evaluator._record},
     **{ast.Subscript: Evaluator._item, ast.Attribute: Evaluator._attribute, ast.NamedExpr: Evaluator._walrus},
-    **{ast.ListComp: Evaluator._listed, ast.GeneratorExp: Evaluator._listed, ast.Lambda: Evaluator._lambda},
-    **{ast.Call: Evaluator._called, ast.Await: Evaluator._awaited},
+    **{
+        ast.ListComp: Evaluator._listed,
+        ast.GeneratorExp: Evaluator._listed,
+        ast.DictComp: Evaluator._tabled,
+        ast.Lambda: Evaluator._lambda,
+    },
+    **{ast.DictComp: Evaluator._tabled, ast.Call: Evaluator._called, ast.Await: Evaluator._awaited},
 }

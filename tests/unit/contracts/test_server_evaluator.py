@@ -81,7 +81,7 @@ def evaluated(body: str) -> Any:
     source = needed_source(FILE.replace("{}", body))
     world = World(lambda name: 100.0, [50_000])
     [function] = [each for each in source.functions if each.name == "tool"]
-    return Evaluator(source, world, [], lambda call, name: True).call(function, {})
+    return Evaluator(source, world, [], lambda call, name, changed: True).call(function, {})
 
 
 @for_each("case", VALUES)
@@ -104,7 +104,7 @@ def test_a_call_that_may_act_ends_what_is_known() -> None:
     world = World(lambda name: 0.0, [1000])
     seen: list[str] = []
 
-    def harmless(call: ast.Call, name: str) -> bool:
+    def harmless(call: ast.Call, name: str, changed: bool) -> bool:
         seen.append(name)
         return False
 

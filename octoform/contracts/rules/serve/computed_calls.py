@@ -27,6 +27,12 @@ class Calls:
             functions = tool_functions(source, site)
             if len(functions) == 1:
                 self.served[tool["name"]] = tool, functions[0]
+        acting = {each for tool, root in self.served.values() if tool["effect"] != "read" for each in self._used(root)}
+        self._of_readings = frozenset(call for call, _ in source.calls if source.owner(call) not in acting)
+        """The calls that no tool which sets something makes: what they give is unknown, and no more than that."""
+
+    def _used(self, root: Function) -> list[Function]:
+        return self.source.entered_from([root])
 
     def world(self, most: float, usual: float, stored: Mapping[tuple[str, ...], str]) -> World:
         """Attributes of which each maximum is ``most`` and each other number ``usual``."""
@@ -62,7 +68,10 @@ class Calls:
             waiting += [[*taken[:at], False] for at in range(len(choices), len(taken))]
         raise Unsure
 
-    def _harmless(self, call: ast.Call, name: str) -> bool:
+    def _harmless(self, call: ast.Call, name: str, changed: bool) -> bool:
+        """Whether a call changes no attribute, and none of the lists and tables that it may be given (``changed``)."""
+        if call in self._of_readings and not changed:
+            return True
         return name == "time.sleep" or name.startswith("logging.") or only_reads(self.source, call, name)
 
 

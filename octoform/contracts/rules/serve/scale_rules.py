@@ -1,17 +1,24 @@
-"""Rules for SERVE about the steps and the scale of a reading, computed on attributes that are made up."""
+"""Rules for SERVE about what becomes of a reading: its scale, its sign, its sense and its steps.
+
+The calls are computed on attributes that are made up, and what comes back is held against what the kernel documents of
+each attribute (Documentation/hwmon, ABI/testing). Only a result that follows an attribute in a straight line is judged.
+"""
 
 import ast
 import itertools
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from octoform.base.escaping import display
+from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.serve.computed_calls import Calls, arguments, results_of, with_unit
+from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records, results_of, with_unit
 from octoform.contracts.rules.serve.value_rules import constant_reading, numbers_read
-from octoform.contracts.server_code.computed_values import Spent, Unsure
+from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
 from octoform.contracts.server_code.server_source import needed_source, walk
 from octoform.diagnostics import Diagnostic
 
-COARSE = "SERVE-READING-COARSE"
+COARSE, OTHERWISE = "SERVE-READING-COARSE", "SERVE-READING-OTHERWISE"
 _TOLERANCE = 0.02
 _SWEEPS = ((20_000, 137), (20_000, 600), (200, 1), (3000, 7))
 """First raw number and step of each series that a reading is computed for."""
@@ -65,4 +72,146 @@ def _step_of(calls: Calls, tool: JsonObject) -> tuple[str, float, str] | None:
     return None
 
 
-RULES = (Rule(COARSE, coarse_reading),)
+class _Meaning(NamedTuple):
+    """What the kernel counts in an attribute: the unit, and how much of it one count is."""
+
+    unit: str
+    one: float
+
+
+_KERNEL: tuple[tuple[str, str, _Meaning], ...] = (
+    ("hwmon", r"temp\d+_(?:input|average)", _Meaning("degC", 0.001)),
+    ("hwmon", r"in\d+_(?:input|average)", _Meaning("V", 0.001)),
+    ("hwmon", r"curr\d+_(?:input|average)", _Meaning("A", 0.001)),
+    ("hwmon", r"power\d+_(?:input|average)", _Meaning("W", 1e-6)),
+    ("hwmon", r"humidity\d+_input", _Meaning("%", 0.001)),
+    ("hwmon", r"fan\d+_input", _Meaning("rpm", 1.0)),
+    ("thermal", r"temp", _Meaning("degC", 0.001)),
+    ("power_supply", r"voltage_now|voltage_avg", _Meaning("V", 1e-6)),
+    ("power_supply", r"current_now|current_avg", _Meaning("A", 1e-6)),
+    ("power_supply", r"power_now|power_avg", _Meaning("W", 1e-6)),
+    ("power_supply", r"temp", _Meaning("degC", 0.1)),
+    ("power_supply", r"capacity", _Meaning("%", 1.0)),
+    ("iio", r"in_temp\d*_(?:input|raw)", _Meaning("degC", 0.001)),
+    ("iio", r"in_voltage\d*_(?:input|raw)", _Meaning("V", 0.001)),
+    ("iio", r"in_current\d*_(?:input|raw)", _Meaning("A", 0.001)),
+    ("iio", r"in_humidityrelative\d*_(?:input|raw)", _Meaning("%", 0.001)),
+    ("iio", r"in_pressure\d*_(?:input|raw)", _Meaning("kPa", 1.0)),
+)
+_INTO = {("degC", "degF"): (1.8, 32.0), ("degC", "K"): (1.0, 273.15), ("kPa", "hPa"): (10.0, 0.0)}
+_ADDS_UP, _HAS_A_SIGN, _FAR = frozenset({"W", "A"}), frozenset({"degC", "A"}), 100.0
+_AMOUNTS = (15.0, 30.0, 60.0)
+_OF_FAHRENHEIT = 5 / 9
+_SENSES = {"removable": ("removable",), "rotational": ("rotational",), "ro": ("read_only", "readonly", "ro")}
+_MOST = re.compile(r"(?:.*_)?max(?:imum)?(?:_.*)?")
+_MAX_DEVICES = 3
+_CHANNEL = re.compile(r"\b(?:temp|in|fan|curr|power|humidity)\d+(?=\b|_)")
+
+
+def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading is what the kernel counts, in the unit that it names: its scale, sign and sense are kept."""
+    source = needed_source(value)
+    calls = Calls(source, artifacts)
+    hint = "return what the attribute means by the kernel's documentation, in the unit of the result"
+    out: dict[ast.AST, Diagnostic] = {}
+    written = {str(node.value) for node in source.by_kind[ast.Constant]}
+    for tool, function in calls.served.values():
+        shifts = any(isinstance(item, ast.RShift) for each in source.entered_from([function]) for item in walk(each))
+        for device in tool["devices"][:_MAX_DEVICES] if tool["effect"] == "read" and not shifts else ():
+            try:
+                summary = next(_otherwise(calls, tool, device, _channels(artifacts, device), written), None)
+            except Unsure:
+                continue
+            except Spent:
+                return list(out.values())
+            if summary is not None:
+                summary = f"{display(tool['name'])} returns {summary}"
+                out.setdefault(function, source.problem(OTHERWISE, function, summary, hint))
+    return list(out.values()) if out and not constant_reading(value, artifacts) else []
+
+
+def _channels(artifacts: Artifacts, device: str) -> set[str]:
+    """The channels of hwmon that PROBE shows of a device."""
+    devices = (artifacts.probe or {"devices": []})["devices"]
+    texts = [each.get("raw_descriptor", "") for each in devices if each["id"] == device]
+    return {found[0] for text in texts for found in _CHANNEL.finditer(text)}
+
+
+def _otherwise(calls: Calls, tool: JsonObject, device: str, shown: set[str], written: set[str]) -> Iterator[str]:
+    given = next(arguments(tool, device))
+    first = next(calls.outcomes(tool["name"], given, calls.world(1000.0, 500.0, {})), None)
+    keys = list(first[0].read) if first is not None else []
+    units = dict(numbers_read(tool.get("output_schema") or {}))
+    read = {found[0]: key[-1] for key in keys if key[1:2] == ("hwmon",) and (found := _CHANNEL.match(key[-1]))}
+    for channel in sorted(read.keys() - shown) if not read.keys() & shown and set(read.values()) <= written else ():
+        others = sorted(each for each in shown if each.rstrip("0123456789") == channel.rstrip("0123456789"))
+        if others:
+            yield f"{display(read[channel])}, which the device does not have; it has {listed(others)}"
+    for meaning in dict.fromkeys(filter(None, map(_meaning, keys))):
+        same = [key for key in keys if _meaning(key) == meaning]
+        amounts = (*_AMOUNTS, -_AMOUNTS[0]) if meaning.unit in _HAS_A_SIGN else _AMOUNTS
+        results = [_result(calls, tool, given, same, round(each / meaning.one)) for each in amounts]
+        for name, unit in units.items() if None not in results[: len(_AMOUNTS)] else ():
+            yield from _misread(name, unit, meaning, len(same), results)
+    for key in keys:
+        yield from _turned(calls, tool, given, key)
+        yield from _exchanged(calls, tool, given, key, keys)
+
+
+def _meaning(key: Key) -> _Meaning | None:
+    known = (meaning for kind, name, meaning in _KERNEL if key[1:2] == (kind,) and re.fullmatch(name, key[-1]))
+    return next(known, None)
+
+
+def _result(calls: Calls, tool: JsonObject, given: Mapping[str, Any], keys: Sequence[Key], number: int) -> Any:
+    """The result of a call where these attributes have this number; None where it has none or several."""
+    found = results_of(calls, tool, given, [dict.fromkeys(keys, str(number))])
+    return found[0] if found else None
+
+
+def _misread(name: str, unit: str | None, meaning: _Meaning, several: int, results: Sequence[Any]) -> Iterator[str]:
+    """What is wrong with the numbers of one member, for attributes that are at `_AMOUNTS`, and at less than nothing."""
+    rows = [with_unit(each, name, unit) for each in results if each is not None]
+    for column in zip(*rows, strict=False) if len({len(row) for row in rows}) == 1 else ():
+        shown = column[0][1]
+        gain, zero = _INTO.get((meaning.unit, shown or ""), (1.0, 0.0) if shown == meaning.unit else (0.0, 0.0))
+        one, two, three, *below = (number for number, _ in column)
+        rate = (three - one) / (_AMOUNTS[2] - _AMOUNTS[0])
+        straight = abs((two - one) / (_AMOUNTS[1] - _AMOUNTS[0]) - rate) <= 0.1 * abs(rate)
+        if not gain or not rate or not straight:
+            continue
+        right = [gain * (several if meaning.unit in _ADDS_UP else 1), gain, gain * _OF_FAHRENHEIT]
+        what = f"a {display(name)} of {one:g} {shown} where the kernel counts {round(_AMOUNTS[0] / meaning.one)}"
+        far = meaning.unit == "degC" and abs(one - gain * _AMOUNTS[0] - zero) > _FAR
+        if far or all(abs(rate / each - 1) > 0.2 for each in right):
+            yield f"{what}, which is {gain * _AMOUNTS[0] + zero:g} {shown}"
+        elif below and below[0] - zero > 0.5 * gain * _AMOUNTS[0]:
+            what = f"a {display(name)} of {below[0]:g} {shown} where the kernel counts"
+            yield f"{what} {round(-_AMOUNTS[0] / meaning.one)}, which is {zero - gain * _AMOUNTS[0]:g} {shown}"
+
+
+def _turned(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) -> Iterator[str]:
+    """A truth value that is false where its attribute is 1."""
+    off, on = (_result(calls, tool, given, [key], number) if key[-1] in _SENSES else None for number in (0, 1))
+    for before, after in zip(records(off), records(on), strict=False):
+        for name in _SENSES.get(key[-1], ()):
+            if before.get(name) is True and after.get(name) is False:
+                yield f"{display(name)} as false where the kernel's {display(key[-1])} is 1"
+
+
+def _exchanged(
+    calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key, keys: Sequence[Key]
+) -> Iterator[str]:
+    """A maximum that follows a reading, and not the attribute with the maximum."""
+    mosts = [each for each in keys if each[:-1] == key[:-1] and _MOST.fullmatch(each[-1])]
+    if _MOST.fullmatch(key[-1]) or not mosts:
+        return
+    plain, more = (_result(calls, tool, given, [key], number) for number in (100, 300))
+    wider = results_of(calls, tool, given, [{key: "100", **dict.fromkeys(mosts, "4000")}])
+    for one, two, three in zip(records(plain), records(more), records(wider[0] if wider else None), strict=False):
+        for name in (each for each in one if isinstance(each, str) and _MOST.fullmatch(each)):
+            if isinstance(one[name], int | float) and one[name] != two.get(name) and one[name] == three.get(name):
+                yield f"as {display(name)} what it reads in {display(key[-1])}"
+
+
+RULES = (Rule(COARSE, coarse_reading), Rule(OTHERWISE, read_otherwise))
