@@ -176,6 +176,9 @@ def check(document: Document, root: Table, environ: Mapping[str, str], report: P
     _Rules(document, root, environ, report).check()
 
 
+OTHER_KEY = "name another variable in `key`"
+
+
 class _Rules:
     """The rules over one document; the same place is reported once, however many stages it holds for."""
 
@@ -219,16 +222,19 @@ class _Rules:
         provider = conversion.provider_of(agent.model or "", agent.name, self._environ)
         settings = agent.settings
         if settings is None or (settings.key is None and not has_login(settings)):
-            self._unset(conversion.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at)
+            login = f"{OTHER_KEY}, or where you are logged in: `harness: {{name: {agent.name}, login: true}}`"
+            has_one = agent.name in LOGINS and provider is not None and provider.name == LOGINS[agent.name].provider
+            otherwise = login if has_one else OTHER_KEY
+            self._unset(conversion.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at, otherwise)
 
-    def _unset(self, key: str | None, who: str, loc: Loc) -> None:
+    def _unset(self, key: str | None, who: str, loc: Loc, otherwise: str) -> None:
         complaint = credentials.complaint(key, self._environ) if key is not None else None
         if complaint is not None and self._is_new("key", key):
             self._report.warning(
                 "MANIFEST-ENV-UNSET",
                 f"{complaint}; {who} finds the key of its model's API there",
                 self._span(loc),
-                hint=f"export {key}, or name another variable in `key`",
+                hint=f"export {key}, or {otherwise}",
             )
 
     def _settings(self, agent: Agent) -> None:
@@ -341,4 +347,9 @@ class _Rules:
         self._base_url(settings.base_url, ("housekeeping", "base_url"))
         if settings.key is None:
             provider = conversion.provider_of(settings.model, conversion.HOUSEKEEPER, self._environ)
-            self._unset(conversion.key_of(settings, provider, self._environ), "housekeeping", ("housekeeping", "model"))
+            self._unset(
+                conversion.key_of(settings, provider, self._environ),
+                "housekeeping",
+                ("housekeeping", "model"),
+                OTHER_KEY,
+            )

@@ -19,7 +19,7 @@ from octoform.plan.model import Plan
 from octoform.state.layout import STAGES, STEP
 from octoform.views import plan as knowledge
 from octoform.views import plan_text as plan_text
-from octoform.views.format.console import Console
+from octoform.views.format.console import Console, broken
 from octoform.views.format.diagnostics import render
 from octoform.views.format.output import JsonStream
 from octoform.views.format.problems import near
@@ -201,7 +201,7 @@ class RunHuman:
 
     def _print(self, text: str) -> None:
         if self._moving is not None:
-            self._moving.above(text)
+            self._moving.above(broken(text, self._console.width))
         else:
             self._console.line(text)
 
@@ -209,7 +209,9 @@ class RunHuman:
         """The closing lines."""
         say, paint = self._console.line, self._console.paint
         for item in dict.fromkeys(result.diagnostics):
-            self._console.problem(render(near(item), colour=self._console.colour_err) + "\n")
+            self._console.problem(
+                render(near(item), colour=self._console.colour_err, width=self._console.width_err) + "\n"
+            )
         say()
         style = "red" if result.failed else "yellow" if result.incomplete or result.silent else "green"
         say(paint(closing(result), "bold", style))

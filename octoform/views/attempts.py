@@ -144,7 +144,7 @@ def _describe(console: Console, detail: Detail) -> Iterator[str]:
         yield from (f"    {one_line(name, WIDTH)}" for name in record.files)
     for problem in item.diagnostics:
         yield ""
-        yield render(near(problem), colour=console.colour)
+        yield render(near(problem), colour=console.colour, width=console.width)
 
 
 def _run(item: Attempt) -> str:

@@ -81,7 +81,7 @@ _ENDINGS: Mapping[ExitReason, tuple[str, str, str]] = {
     ),
     ExitReason.AUTH: (
         "APPLY-AUTH",
-        "the model's provider refused the key of {stage}'s agent",
+        "{stage}'s agent has no key that the model's provider accepts",
         "check the key's variable and what the key may use; `octoform doctor` tests it",
     ),
     ExitReason.REFUSED: (

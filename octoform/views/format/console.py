@@ -8,7 +8,6 @@ import re
 import sys
 from collections.abc import Mapping
 from io import TextIOWrapper
-from shutil import get_terminal_size
 from typing import TextIO
 
 from octoform.records import dataclass
@@ -32,7 +31,12 @@ class Console:
     @property
     def width(self) -> int:
         """Columns of the terminal, at least 60; 160 where no one looks."""
-        return max(60, get_terminal_size((160, 24)).columns) if self.out.isatty() else 160
+        return _columns(self.out, 160)
+
+    @property
+    def width_err(self) -> int:
+        """Columns of the terminal that shows problems, at least 60; 120 where no one looks."""
+        return _columns(self.err, 120)
 
     def paint(self, text: str, *styles: str) -> str:
         """``text`` in the named styles, or as it is where colour is off."""
@@ -61,9 +65,20 @@ class Console:
 
     def problem(self, text: str) -> None:
         """Text on standard error; on a terminal broken as on standard output, but for lines of a source."""
-        width = max(60, get_terminal_size((160, 24)).columns) if self.err.isatty() else 0
-        self.err.write((broken(text, width) if width else text) + "\n")
+        self.err.write((broken(text, self.width_err) if self.err.isatty() else text) + "\n")
         self.err.flush()
+
+
+def _columns(stream: TextIO, elsewhere: int) -> int:
+    """How wide the terminal of a stream is, whatever the other streams lead to."""
+    if not stream.isatty():
+        return elsewhere
+    given = os.environ.get("COLUMNS", "")
+    try:
+        columns = int(given) if given.isdecimal() else os.get_terminal_size(stream.fileno()).columns
+    except OSError:
+        columns = 0
+    return max(60, columns or elsewhere)
 
 
 def broken(text: str, width: int) -> str:

@@ -62,5 +62,5 @@ def show(console: Console, items: Iterable[Diagnostic], *, as_json: bool = False
         from octoform.views.format.diagnostics import render  # only a problem pays for it
 
         for item in items:
-            console.problem(render(item, colour=console.colour_err) + "\n")
+            console.problem(render(item, colour=console.colour_err, width=console.width_err) + "\n")
     return 1 if has_errors(items) else 0
