@@ -229,7 +229,7 @@ def replugged(bench: Bench, name: str, node: str, expected: str, port: int) -> N
 
 def test_the_endpoint_ends_when_it_is_told(answered: Octoform) -> None:
     running = "pgrep -f '[e]ndpoint/serve.py' || true"
-    assert answered.asked("status")["health"] == "healthy"
+    assert answered.asked("status")["health"] == "healthy", answered.run("status")
     assert answered.guest.run(running)
     answered.run("stop")
     assert answered.guest.run(running) == ""
