@@ -16,6 +16,7 @@ from octoform.profiles.match_rule import Judged
 from octoform.records import dataclass
 from octoform.state.files import read_regular, write_atomic
 from octoform.state.layout import Layout
+from octoform.state.store.lock import acquire
 
 # ``profile check``: the content of a profile, which devices of which hosts its match rule matches, and why not.
 #
@@ -211,8 +212,13 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
         summary = f"{FOLDER}/{name}.md is there already"
         hint = "look at it with octoform profile check, or move it away"
         return None, [error("PROFILE-EXISTS", summary, path=str(path), hint=hint)]
-    path.parent.mkdir(exist_ok=True)
-    problem = write_atomic(path, text.encode("utf-8"))
+    # While an apply runs, it removes every new profile, since its agent may have written it.
+    acquired = acquire(Layout(project, manifest.host), "profile new")
+    if acquired.lock is None:
+        return None, list(acquired.diagnostics)
+    with acquired.lock:
+        path.parent.mkdir(exist_ok=True)
+        problem = write_atomic(path, text.encode("utf-8"))
     if problem is not None:
         return None, [problem]
     return Draft(f"{FOLDER}/{name}.md", device, bool(manifest.profiles)), []

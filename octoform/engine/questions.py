@@ -8,7 +8,7 @@ from typing import Protocol
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.engine.apply.apply import Options, apply
-from octoform.engine.inspect.state import open_project
+from octoform.engine.inspect.state import Found, open_project
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import MANIFEST
 from octoform.engine.plan.plan import Request
@@ -18,6 +18,7 @@ from octoform.manifest import setting_writer
 from octoform.plan.model import OpenQuestion
 from octoform.records import dataclass
 from octoform.state.accepted import observe
+from octoform.state.store.lock import acquire
 
 TABLE = "answers"
 Environ = Mapping[str, str]
@@ -59,8 +60,10 @@ class AskingView(RunView, Protocol):
 def asked(project: Path, environ: Environ) -> tuple[Asked | None, list[Diagnostic]]:
     """The questions and answers of a project folder; ANSWER-NO-PROBE before anything is known of its devices."""
     opened, found = open_project(project, environ)
-    if opened is None:
-        return None, found
+    return (None, found) if opened is None else _asked(opened)
+
+
+def _asked(opened: Found) -> tuple[Asked | None, list[Diagnostic]]:
     compiled = opened.compiled
     files = {stage: facts.digest for stage, facts in observe(compiled.layout).items()}
     artifacts = read_artifacts(compiled, opened.store.snapshot, files)
@@ -74,7 +77,10 @@ def asked(project: Path, environ: Environ) -> tuple[Asked | None, list[Diagnosti
 
 def answer(project: Path, environ: Environ, device: str, sentence: str) -> tuple[Answered | None, list[Diagnostic]]:
     """Write what a device is into octopus.yaml; comments, order and every other line stay."""
-    known, found = asked(project, environ)
+    opened, found = open_project(project, environ)
+    if opened is None:
+        return None, found
+    known, found = _asked(opened)
     if known is None:
         return None, found
     if device not in known.devices:
@@ -82,7 +88,7 @@ def answer(project: Path, environ: Environ, device: str, sentence: str) -> tuple
         hint = f"did you mean {near}?" if near else "`octoform answer` lists the devices that are asked about"
         summary = f"PROBE lists no device {device} of this host"
         return None, [error("ANSWER-UNKNOWN-DEVICE", summary, hint=hint)]
-    return _change(project, environ, known, device, sentence.strip())
+    return _change(opened, environ, known.answers, device, sentence.strip())
 
 
 def take_back(project: Path, environ: Environ, device: str) -> tuple[Answered | None, list[Diagnostic]]:
@@ -95,18 +101,24 @@ def take_back(project: Path, environ: Environ, device: str) -> tuple[Answered | 
         near = did_you_mean(device, list(answers))
         hint = f"did you mean {near}?" if near else "`octoform answer` lists the answers"
         return None, [error("ANSWER-NOT-THERE", f"octopus.yaml has no answer about {device}", hint=hint)]
-    return _change(project, environ, Asked((), answers), device, None)
+    return _change(opened, environ, answers, device, None)
 
 
 def _change(
-    project: Path, environ: Environ, known: Asked, device: str, sentence: str | None
+    opened: Found, environ: Environ, answers: Mapping[str, str], device: str, sentence: str | None
 ) -> tuple[Answered | None, list[Diagnostic]]:
-    edited, found = setting_writer.change(project / MANIFEST, (TABLE, device), sentence, environ)
+    """The edit, under the lock: a running apply undoes every change of octopus.yaml, as its agent may have made it."""
+    layout = opened.compiled.layout
+    acquired = acquire(layout, "answer")
+    if acquired.lock is None:
+        return None, list(acquired.diagnostics)
+    with acquired.lock:
+        edited, found = setting_writer.change(layout.project / MANIFEST, (TABLE, device), sentence, environ)
     if edited is None:
         return None, found
     lines = difflib.unified_diff(edited.before.splitlines(), edited.after.splitlines(), lineterm="", n=0)
     shown = tuple(line for line in list(lines)[2:] if not line.startswith("@@"))
-    return Answered(device, known.answers.get(device), sentence, shown), []
+    return Answered(device, answers.get(device), sentence, shown), []
 
 
 def apply_asking(request: Request, options: Options, view: AskingView) -> RunResult:

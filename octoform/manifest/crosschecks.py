@@ -35,21 +35,23 @@ def _stage(document: Document, name: str) -> Stage:
 def _timeouts(document: Document, root: Table, report: ProblemList) -> None:
     names: set[Span] = set()
     for name in (*STAGES, *KEEPERS):
-        attempt, stage = timeouts(document.budget, _stage(document, name).budget)
-        if attempt <= stage:
+        own = _stage(document, name).budget
+        attempt, stage = timeouts(document.budget, own)
+        attempts = own.attempts or document.budget.attempts
+        chosen, alone = _written(root, name, ("stage_timeout",)), not _written(root, name, ("attempt_timeout",))
+        if attempt > stage:
+            span = _written(root, name, ("attempt_timeout", "stage_timeout")) or root.span
+            summary = f"one attempt may take longer ({attempt:.0f} s) than its whole stage ({stage:.0f} s)"
+            hint = "the stage's time ends the attempt; raise stage_timeout or lower attempt_timeout"
+        elif chosen is not None and alone and attempt * attempts < stage:
+            span = chosen
+            summary = f"the stage has {stage:.0f} s, and an attempt still ends after {attempt:.0f} s"
+            hint = f"set attempt_timeout as well: {stage / attempts:.0f}s gives each of {attempts} attempts its share"
+        else:
             continue
-        span = _written(root, name, _TIMEOUTS) or root.span
         if span not in names:
             names.add(span)
-            report.warning(
-                "MANIFEST-TIMEOUTS",
-                f"one attempt may take longer ({attempt:.0f} s) than its whole stage ({stage:.0f} s)",
-                span,
-                hint="the stage's time ends the attempt; raise stage_timeout or lower attempt_timeout",
-            )
-
-
-_TIMEOUTS = ("attempt_timeout", "stage_timeout")
+            report.warning("MANIFEST-TIMEOUTS", summary, span, hint=hint)
 
 
 def _written(root: Table, stage: str, names: tuple[str, ...]) -> Span | None:

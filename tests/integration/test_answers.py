@@ -14,6 +14,9 @@ import pytest
 from projects import Done, Project
 from terminals import Terminal
 
+from octoform.state.layout import Layout
+from octoform.state.store.lock import acquire
+
 BOARD, OTHER = "usb-1a86-7523", "usb-1a86-7523-2"
 SENTENCE = "the Heron dosing pump on the left of the bench"
 MANIFEST = """\
@@ -269,3 +272,18 @@ def test_what_only_a_person_could_name_goes_to_the_second_agent(bench: Project) 
     task = json.loads((bench.attempts("identify")[1] / "task.json").read_text())
     assert task["answers"] == {BOARD: "a tide gauge"}
     assert "a tide gauge" in (bench.attempts("identify")[1] / "prompt.md").read_text()
+
+
+def test_an_answer_waits_for_the_end_of_an_apply_which_would_undo_it(bench: Project) -> None:
+    apply(bench)
+    bench.run("answer", BOARD, SENTENCE, status=0)
+    before = manifest(bench)
+    acquired = acquire(Layout(bench.folder, "bench"), "apply")
+    assert acquired.lock is not None
+    with acquired.lock:
+        for command in (("answer", OTHER, SENTENCE), ("answer", "-remove", BOARD), ("profile", "new", OTHER)):
+            done = bench.run(*command)
+            assert done.status == 1 and "error[STATE-LOCKED]: the state of bench is locked: apply" in done.err, command
+    assert manifest(bench) == before
+    assert [path.name for path in (bench.folder / "profiles").iterdir()] == ["pump.md"]
+    bench.run("answer", OTHER, SENTENCE, status=0)

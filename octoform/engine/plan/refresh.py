@@ -137,9 +137,7 @@ def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, 
 
 
 def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
-    """The contract's word on an artifact that is there; an artifact that cannot be read states nothing here."""
-    if stage not in artifacts:
-        return []
+    """The contract's word on the artifact of ``stage``, which is one of ``artifacts``."""
     needed = STAGES[: STAGES.index(stage)] if stage in STAGES else STAGES
     before = {name: artifacts[name] for name in needed if name in artifacts}
     if len(before) < len(needed):

@@ -303,6 +303,25 @@ def test_many_capabilities_of_one_device_are_a_warning_only(count: int, method: 
     assert [(item.code, item.severity, item.pointer) for item in found] == [wanted] * told
 
 
+COUNT = {"type": "integer", "minimum": 1, "maximum": 10, "default": 2}
+SERIES = {
+    "at most a minute": ({"type": "number", "minimum": 0, "maximum": 6, "default": 1}, []),
+    "longer together": ({"type": "number", "minimum": 0, "maximum": 7, "default": 1}, ["INTERFACE-WAIT-TOO-LONG"]),
+    "a pause that is a word": ({"type": "string", "enum": ["short", "long"]}, []),
+    "a pause of a choice of numbers": ({"type": "number", "enum": [1, 5]}, []),
+    "a pause without an end": ({"type": "number", "minimum": 0, "default": 1}, ["INTERFACE-WAIT-TOO-LONG"]),
+    "a pause below a bound": ({"type": "number", "minimum": 0, "exclusiveMaximum": 7}, ["INTERFACE-WAIT-TOO-LONG"]),
+}
+
+
+@pytest.mark.parametrize(("pause", "codes"), SERIES.values(), ids=SERIES)
+def test_the_length_of_a_series_is_its_count_times_its_pause(pause: dict[str, Any], codes: list[str]) -> None:
+    value = good("interface")
+    value["tools"][1]["input_schema"]["properties"] |= {"count": COUNT, "interval_s": pause}
+    found = check("interface", value, artifacts(), SCHEMAS)
+    assert [item.code for item in found if item.severity is Severity.ERROR] == codes
+
+
 def test_more_tools_than_the_budget_are_refused() -> None:
     found = check("interface", good("interface"), artifacts(tools_budget=3), SCHEMAS)
     assert [item.code for item in found] == ["INTERFACE-TOOL-BUDGET"]

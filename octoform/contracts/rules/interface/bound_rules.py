@@ -5,6 +5,7 @@ has both its bounds in the schema (the server's own signature enforces them), ea
 text goes to a device, a shell or a file system as it is.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
@@ -241,7 +242,7 @@ def _series(index: int, tool: JsonObject) -> tuple[str, float, str] | None:
     """(parameter, seconds, pointer) of a count of readings and the pause between them, at their longest."""
     counts, pauses = [], []
     for name, where, member in _parameters(index, tool):
-        spoken, most = set(tokens(name)), member.get("maximum")
+        spoken, most = set(tokens(name)), member.get("maximum", member.get("exclusiveMaximum", math.inf))
         if not _is_number(member) or not _is_plain(most):
             continue
         if spoken & _PAUSES:
@@ -269,7 +270,8 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         series = _series(index, tool)
         if series is not None and series[1] > MAX_WAIT:
-            summary = f"{display(series[0])} of {display(tool['name'])} lets a series last {series[1]:g} s"
+            length = "permanently" if math.isinf(series[1]) else f"{series[1]:g} s"
+            summary = f"{display(series[0])} of {display(tool['name'])} lets a series last {length}"
             hint = f"write maxima whose product is at most {MAX_WAIT:g} s: of the readings and of the pause"
             out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=series[2], hint=hint))
     return out
