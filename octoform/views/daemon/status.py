@@ -79,7 +79,8 @@ def _reasons(found: Status, surveyed: Survey) -> tuple[str, ...]:
     parts = (each for each in surveyed.health.parts if not each.target.startswith("unit:"))
     lines = [named(each.target, each.why) for each in parts]
     silent = len(surveyed.health.uncovered)
-    counted = [f"{plan_text.counted(silent, 'signal')} have no data: octoform health names them"] if silent else []
+    verb = "has" if silent == 1 else "have"
+    counted = [f"{plan_text.counted(silent, 'signal')} {verb} no data: octoform health names them"] if silent else []
     return tuple(dict.fromkeys((*found.reasons, *lines, *counted)))
 
 

@@ -15,8 +15,12 @@ BOTH, READ, WRITE = 3, 2, 1
     [
         (v4l2._ENUM_FMT[0], BOTH, struct.calcsize("=3I32s2I3I"), ord("V"), 2),
         (v4l2._ENUM_FRAMESIZES[0], BOTH, struct.calcsize("=3I6I2I"), ord("V"), 74),
+        (v4l2._QUERY_CTRL[0], BOTH, struct.calcsize("=2I32s3iiI2I"), ord("V"), 36),
+        (v4l2._GET_CTRL, BOTH, struct.calcsize("=Ii"), ord("V"), 27),
+        (v4l2._SET_CTRL, BOTH, struct.calcsize("=Ii"), ord("V"), 28),
         (gpio._CHIPINFO, READ, struct.calcsize("=32s32sI"), 0xB4, 1),
         (gpio._LINEINFO, BOTH, struct.calcsize("=32s32s2IQ160s4I"), 0xB4, 5),
+        (gpio._GET_LINE, BOTH, struct.calcsize("=64I32s") + len(gpio._AS_IT_IS) + struct.calcsize("=2I5Ii"), 0xB4, 7),
         (gpio._SET_CONFIG, BOTH, len(gpio._AS_IT_IS), 0xB4, 0x0D),
         (gpio._GET_VALUES, BOTH, struct.calcsize("=QQ"), 0xB4, 0x0E),
         (evdev._EVIOCGABS, READ, struct.calcsize("=6i"), ord("E"), 0x40),
