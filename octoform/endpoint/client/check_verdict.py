@@ -243,7 +243,8 @@ def _call(call: SampleCallResult, seen: bool, lacked: Lacked | None) -> list[Dia
 
 _KNOWLEDGE = (
     "choose a profile that matches its device (octoform coverage names those that do; octoform profile new DEVICE "
-    "drafts one), describe the device (octoform answer), or allow the tool by a rule of `policy` in octopus.yaml; until then a person is asked at each call"
+    "drafts one), describe the device (octoform answer), or allow the tool by a rule of `policy` "
+    "in octopus.yaml; until then a person is asked at each call"
 )
 _SMOKE = "give the tool harmless arguments under smoke in the INTERFACE artifact"
 
