@@ -4,6 +4,7 @@ import pytest
 from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import check
+from octoform.diagnostics import Diagnostic
 
 CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
 ENTRY = "Acme Imaging DeskCam 300 / DeskCam 310 / DeskCam Pro"
@@ -48,8 +49,24 @@ WRONG = [
 ]
 
 
+# What the finding proposes for such a name, method by method.
+CURES = {
+    "descriptor_strings": "quote the string that holds it",
+    "descriptor_driver": "quote the line that has it",
+    "kernel_class": "quote the line that has it",
+    "id_database": "name what the entry names",
+    "web_search": "the page's address",
+    "user_answer": "the owner's words",
+}
+
+
 def found(name: str, method: str, cited: list[str], confidence: float) -> list[str]:
-    """The codes for a camera of that name, on quotes that may be followed by ' => ' and what they say."""
+    """The codes of `findings`."""
+    return [item.code for item in findings(name, method, cited, confidence)]
+
+
+def findings(name: str, method: str, cited: list[str], confidence: float) -> list[Diagnostic]:
+    """What is wrong with a camera of that name, on quotes that may be followed by ' => ' and what they say."""
     value, probe = good("identify"), good("probe")
     probe["devices"][0] |= {"raw_descriptor": TEXT}
     evidence = [{"quote": quote, **({"says": says} if says else {})}
@@ -58,7 +75,7 @@ def found(name: str, method: str, cited: list[str], confidence: float) -> list[s
     camera |= {"identified_as": name, "method": method, "confidence": confidence, "evidence": evidence}
     known = artifacts(probe=probe, registered={camera["id"]: ENTRY}, answers={camera["id"]: "anything at all"})
     errors = check("identify", value, known, SCHEMAS)
-    return [item.code for item in errors if (item.pointer or "").startswith("/devices/0/ident")]
+    return [item for item in errors if (item.pointer or "").startswith("/devices/0/ident")]
 
 
 @pytest.mark.parametrize(("name", "method", "cited"), RIGHT)
@@ -70,3 +87,9 @@ def test_a_name_whose_words_are_cited_is_accepted_in_any_form(name: str, method:
 def test_a_name_with_a_word_of_its_own_is_refused_and_may_be_guessed(name: str, method: str, cited: list[str]) -> None:
     assert found(name, method, cited, 0.5) == [CODE]
     assert found(name, method, cited, 0.49) == []
+
+
+@pytest.mark.parametrize("method", CURES)
+def test_a_refused_name_gets_the_cure_of_its_method(method: str) -> None:
+    (finding,) = findings("Zebra 9000", method, ["driver: uvcvideo"], 0.9)
+    assert finding.code == CODE and CURES[method] in (finding.hint or "")
