@@ -298,7 +298,8 @@ def calls_text(report: CheckReport) -> str:
     """How the test calls went, for a person; a tool answered when it did for each of its devices."""
     tried = {call.tool for call in report.calls if call.skipped is None}
     failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}
-    return f"{len(tried - failed)} of {len(tried)} read tools answered"
+    left = len({call.tool for call in report.calls} - tried)
+    return f"{len(tried - failed)} of {len(tried)} read tools answered{f', {left} not tried' if left else ''}"
 
 
 def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:

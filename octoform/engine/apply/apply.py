@@ -135,7 +135,7 @@ def endpoint(layout: Layout, artifacts: Mapping[str, Any]) -> EndpointSummary | 
         scope=facts.process.scope,
         url=facts.process.url,
         tools=tuple(tool["name"] for tool in tools),
-        answered=_failed_calls(calls, good),
+        answered=sample_answer(calls, good),
         token=next((token.name for token in listed(layout)[0] if not token.ended), None),
         denied=len(interface["tools"]) - len(tools),
         example=next((name for name in good if name in easy), easy[0] if easy else None),
@@ -199,13 +199,15 @@ def _sample_calls(layout: Layout) -> list[dict[str, Any]]:
     return calls
 
 
-def _failed_calls(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
+def sample_answer(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]]) -> str | None:
     """A read tool that answered in the last check, for the closing lines."""
     if not good:
         return None
     name, call = next(iter(good.items()))
     took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
-    return f"{name} answered{took}; {len(good)} of {len({call['tool'] for call in calls})} read tools did"
+    tried = {call["tool"] for call in calls if call.get("skipped") is None}
+    left = len({call["tool"] for call in calls} - tried)
+    return f"{name} answered{took}; {len(good)} of {len(tried)} read tools did{f', {left} not tried' if left else ''}"
 
 
 _SERVING = ("deploy", "endpoint")

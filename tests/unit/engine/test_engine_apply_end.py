@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from octoform.apply.stage.serve_proof import calls_text
 from octoform.diagnostics import warning
-from octoform.endpoint.client.check_verdict import has_content
+from octoform.endpoint.client.check_verdict import CheckReport, SampleCallResult, has_content
 from octoform.engine.apply import apply
 from octoform.engine.results import RunResult
 from octoform.state.layout import Layout
@@ -78,3 +79,13 @@ def test_an_answer_without_content_is_no_proof(result: Any, says: bool) -> None:
 def test_the_last_lines_prefer_a_tool_whose_answer_has_content() -> None:
     calls = [called("formats", True, content=False), called("broken", False), called("power", True, content=True)]
     assert list(apply.answering(calls)) == ["power", "formats"]
+
+
+def test_a_tool_that_was_not_tried_is_counted_apart() -> None:
+    calls = [called("read_1", True), called("read_2", False), {"tool": "read_3", "ok": False, "skipped": "a line"}]
+    assert apply.sample_answer(calls, apply.answering(calls)) == (
+        "read_1 answered in 4 ms; 1 of 2 read tools did, 1 not tried"
+    )
+    results = tuple(SampleCallResult(call["tool"], call["ok"], call["skipped"]) for call in calls)
+    report = CheckReport(True, None, None, None, (), results, 1.0)
+    assert calls_text(report) == "1 of 2 read tools answered, 1 not tried"
