@@ -166,11 +166,14 @@ def _running(commands: Commands) -> None:
 
 
 def _calling(commands: Commands) -> None:
-    flag(add(commands, "tools", "list the tools of the live endpoint"), "start", _START)
+    tools = add(commands, "tools", "list the tools of the live endpoint")
+    tools.add_argument("tools", metavar="TOOL", nargs="*", help="a tool to show (default: all)")
+    flag(tools, "start", _START)
     call = add(commands, "call", "call a tool of the live endpoint", json=False)
     call.add_argument("tool", metavar="TOOL", nargs="?", help="the tool (default: a read-only tool, as an example)")
-    text = "one argument; repeatable"
-    call.add_argument("-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help=text)
+    call.add_argument(
+        "-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help="an argument; repeatable"
+    )
     call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
     value(call, "timeout", "DURATION", "give up after DURATION", default="60s")
     flag(call, "dry-run", "report what the call would do, and do nothing")
@@ -434,8 +437,7 @@ def _attempts(commands: Commands) -> None:
     one.add_argument("number", metavar="N", type=int)
     record = add(verbs, "record", "write the last run as a recording for the harness replay", json=False)
     record.add_argument("folder", metavar="DIR")
-    text = "only runs that began with attempt N or later"
-    record.add_argument("-from", "--from", metavar="N", type=int, default=1, dest="first", help=text)
+    record.add_argument("-from", "--from", metavar="N", type=int, default=1, dest="first", help="begin with attempt N")
     for verb in (one, record):
         # The verb's own default would undo a -json that stands before it.
         verb.add_argument("-json", "--json", action="store_true", default=argparse.SUPPRESS, help=JSON_HELP)
@@ -455,8 +457,8 @@ def _agents(commands: Commands) -> None:
 
 
 def _about(commands: Commands) -> None:
-    text = "show the commands, or the options of one"
-    add(commands, "help", text, json=False).add_argument("words", metavar="COMMAND", nargs="*")
+    shown = add(commands, "help", "show the commands, or the options of one", json=False)
+    shown.add_argument("words", metavar="COMMAND", nargs="*")
     add(commands, "version", "print the version")
     completion = add(commands, "completion", "print a script that completes commands and options", json=False)
     completion.add_argument("shell", metavar="SHELL", choices=("bash", "zsh", "fish"), help="bash, zsh or fish")

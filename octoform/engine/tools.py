@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media
+from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media, unknown
 from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import CHECK, read_policy
@@ -41,12 +41,17 @@ class SavedAnswer:
 
 
 def tools(
-    project: Path, environ: Mapping[str, str], waiting: Callable[[], None] | None = None, *, revive: bool = False
+    project: Path,
+    environ: Mapping[str, str],
+    waiting: Callable[[], None] | None = None,
+    *,
+    names: Sequence[str] = (),
+    revive: bool = False,
 ) -> tuple[list[dict[str, Any]] | None, list[Diagnostic]]:
     """The tools that the endpoint lists, with effect and devices from INTERFACE and the decision of the policy.
 
-    The endpoint is started when nothing runs, and with ``revive`` also when a person stopped it; ``waiting`` is called
-    when that takes more than a second.
+    With ``names`` those alone; ENDPOINT-UNKNOWN-TOOL for one that is not there. The endpoint is started when nothing
+    runs, and with ``revive`` also when a person stopped it; ``waiting`` is called when that takes more than a second.
     """
     layout, found = layout_of(project, environ)
     if layout is None:
@@ -54,9 +59,15 @@ def tools(
     listed, problems = list_tools(layout, waiting, revive=revive)
     if has_errors(problems):
         return None, list(problems)
+    served = [tool["name"] for tool in listed]
+    absent = [unknown(name, served) for name in names if name not in served]
+    if absent:
+        return None, absent
     known, decided = promised(layout), (read_policy(layout) or {"tools": {}})["tools"]
     out = []
     for tool in listed:
+        if names and tool["name"] not in names:
+            continue
         name, extra = tool["name"], ("effect", "devices")
         fields = {key: known.get(name, {}).get(key) for key in extra}
         out.append({**tool, **fields, "decision": decided.get(name, {}).get("decision")})

@@ -96,6 +96,15 @@ def test_tools_tell_name_effect_and_parameters(bench: Launched) -> None:
     ]
 
 
+def test_one_tool_is_shown_by_its_name(bench: Launched) -> None:
+    done = octoform(bench, "tools", "read_voltage")
+    assert done.returncode == 0 and "channel: integer, default 1" in done.stdout and "move_rail" not in done.stdout
+    done = octoform(bench, "tools", "read_voltages", "scan")
+    assert (done.returncode, done.stdout) == (1, "")
+    assert "error[ENDPOINT-UNKNOWN-TOOL]: the endpoint has no tool 'read_voltages'" in done.stderr
+    assert "did you mean 'read_voltage'?" in done.stderr
+
+
 def test_a_call_prints_the_answer_alone(bench: Launched) -> None:
     done = octoform(bench, "call", "read_voltage", "-arg", "channel=3")
     assert (done.returncode, json.loads(done.stdout), done.stderr) == (0, {"result": 4.5}, "")

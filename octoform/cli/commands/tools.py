@@ -31,7 +31,8 @@ def run_tools(arguments: Namespace, project: Path, screen: Console) -> int:
     from octoform.views.endpoint import tools as tools_view
     from octoform.views.endpoint.tools import starting
 
-    listed, found = tools(project, os.environ, partial(starting, screen), revive=arguments.start)
+    wait, names = partial(starting, screen), arguments.tools
+    listed, found = tools(project, os.environ, wait, names=names, revive=arguments.start)
     if listed is None:
         return problems.show(screen, found, as_json=arguments.json)
     return tools_view.tools(screen, listed, as_json=arguments.json)
