@@ -46,7 +46,7 @@ class _Return(Exception):
         self.value = value
 
 
-class _Leave(Exception):
+class Leave(Exception):
     """The end of a loop, or of one turn of it."""
 
 
@@ -67,7 +67,7 @@ class Evaluator:
         """The result of a function of the file, in plain values."""
         try:
             return self._enter(Inner(function, {}), (), named)
-        except (RecursionError, _Leave) as problem:
+        except (RecursionError, Leave) as problem:
             raise Unsure from problem
 
     def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
@@ -159,7 +159,7 @@ class Evaluator:
             self._store(node.target, row, scope)
             try:
                 self._block(node.body, scope)
-            except _Leave as way:
+            except Leave as way:
                 if way.args:
                     return
         self._block(node.orelse, scope)
@@ -168,7 +168,7 @@ class Evaluator:
         while self._decide(self.value(node.test, scope)):
             try:
                 self._block(node.body, scope)
-            except _Leave as way:
+            except Leave as way:
                 if way.args:
                     return
 
@@ -201,7 +201,7 @@ class Evaluator:
             self._block(node.finalbody, scope)
 
     def _raise(self, node: ast.Raise | ast.Break | ast.Continue, _: Scope) -> None:
-        raise Failed if isinstance(node, ast.Raise) else _Leave(*([True] if isinstance(node, ast.Break) else []))
+        raise Failed if isinstance(node, ast.Raise) else Leave(*([True] if isinstance(node, ast.Break) else []))
 
     def _assert(self, node: ast.Assert, scope: Scope) -> None:
         if not self._decide(self.value(node.test, scope)):

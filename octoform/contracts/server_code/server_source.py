@@ -77,7 +77,10 @@ class Source:
         if isinstance(node, ast.Attribute):
             return f"{self.dotted(node.value)}.{node.attr}"
         if isinstance(node, ast.Call):
-            return f"{self.dotted(node.func)}()"
+            name, first = self.dotted(node.func), node.args[0] if node.args else None
+            if name in ("__import__", "importlib.import_module") and isinstance(first, ast.Constant):
+                return str(first.value)
+            return f"{name}()"
         return f"{self.dotted(node.value)}[]" if isinstance(node, ast.Subscript) else ""
 
     @cached_property

@@ -120,6 +120,7 @@ CASES = [
     ("SERVE-TOOLS-DIFFER", "@mcp.tool\n@runtime.logged\ndef read_fan_speed", "def read_fan_speed"),
     ("SERVE-TOOL-NOT-LOGGED", "@runtime.logged\ndef read_fan_speed", "def read_fan_speed"),
     ("SERVE-TOOL-NOT-LOGGED", "@mcp.tool\n@runtime.logged\ndef read_fan", "@runtime.logged\n@mcp.tool\ndef read_fan"),
+    ("SERVE-DYNAMIC-CODE", FAN, "    __import__('subprocess').run(['sync'], check=True)\n" + FAN),
     ("SERVE-LISTENS", "    mcp.run()", '    mcp.run(transport="http", port=7777)'),
     ("SERVE-LISTENS", "    mcp.run()", "    import socketserver\n    socketserver.TCPServer(('', 1), None)"),
     ("SERVE-BEYOND-TOOLS", END, "\n\n@mcp.resource('x://fan')\ndef fan() -> int:\n    return 1" + END),

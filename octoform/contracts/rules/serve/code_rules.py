@@ -164,7 +164,7 @@ def listens(value: str, _: Artifacts) -> list[Diagnostic]:
     for call, name in source.calls:
         transport = _keyword(call, "transport")
         if transport is None and name.endswith((".run", ".run_async")) and call.args:
-            transport = call.args[0]
+            transport = None if isinstance(call.args[0], ast.List | ast.Tuple) else call.args[0]  # a program's words
         runs = name.endswith((".run", ".run_async")) and transport is not None and not name.startswith("subprocess")
         networked = runs and not (isinstance(transport, ast.Constant) and transport.value == "stdio")
         if _LISTENERS.fullmatch(name) or (networked and not name.startswith("asyncio.")):

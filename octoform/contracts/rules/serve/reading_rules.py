@@ -25,6 +25,7 @@ _ELSEWHERE = re.compile(
     r"|runtime\.(?:channels|counting|evdev|gpio|lines|movement|nmea|registers|units|v4l2|child)\.\w+"
 )
 """Ways to reach a device: programs, the network, modules of the runtime that are given it."""
+_OF_TIME = re.compile(r"(?:^|_)(?:time|at|seconds|timestamp)(?:$|_)")
 _CHANGES_TEXT = frozenset(
     {
         "replace",
@@ -235,7 +236,28 @@ def _comes_from_there(
     if tool["effect"] != "read":
         touched = any(flow.of(call) & Origin.READ for call, _ in source.calls if source.owner(call) in used)
         return touched or elsewhere
+    if found and _reports_presence(source, flow, tool, used):
+        return True
     result = Origin.NONE
     for function in roots:
         result |= flow.returned(function)
     return bool(result & Origin.READ) or (bool(result & Origin.SYSTEM) and (found or elsewhere))
+
+
+def _reports_presence(source: Source, flow: Flow, tool: JsonObject, used: list[Function]) -> bool:
+    """Whether a tool whose result has truth values and times alone answers false where its device is not there."""
+    members = (tool.get("output_schema") or {}).get("properties") or {}
+    kinds = {str(each.get("type")) for name, each in members.items() if not _OF_TIME.search(name)}
+    if kinds != {"boolean"}:
+        return False
+    for node in (each for each in source.by_kind[ast.Try] if source.owner(each) in used):
+        asks = any(flow.of(item) & Origin.FOUND for each in node.body for item in walk(each))
+        absent = [each for each in node.handlers if each.type is not None and _of_absence(source, each.type)]
+        parts = [item for each in absent for item in walk(each)]
+        if asks and any(isinstance(item, ast.Constant) and item.value is False for item in parts):
+            return True
+    return False
+
+
+def _of_absence(source: Source, kinds: ast.expr) -> bool:
+    return any(source.dotted(item).endswith(("DeviceAbsent", "DeviceFault")) for item in walk(kinds))

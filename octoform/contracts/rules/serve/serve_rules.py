@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the ten families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the eleven families."""
 
 import ast
 import re
@@ -13,6 +13,7 @@ from octoform.contracts.rules.serve import (
     code_rules,
     device_rules,
     exchange_rules,
+    failure_rules,
     line_rules,
     outcome_rules,
     reading_rules,
@@ -32,11 +33,8 @@ from octoform.contracts.server_code.places import constants
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, read_source, walk
 from octoform.diagnostics import Diagnostic
 
-# The rule for SERVE that a tool that acts declares it when it asks for its device: the runtime then distinguishes
-# twins, or refuses.
-#
-# A reading of the wrong one of two equal devices misleads; a movement of the wrong one hurts. Only who asks with
-# `actuate=True` is refused where nothing shows which is meant, so a tool that acts must ask that way.
+# A tool that acts declares it when it asks for its device. A reading of the wrong one of two equal devices misleads; a
+# movement of the wrong one hurts. Only who asks with `actuate=True` is refused where nothing shows which is meant.
 
 CODE = "SERVE-ACTUATE-UNBOUND"
 _HINT = "write runtime.device(id, actuate=True) in a tool that acts"
@@ -483,6 +481,7 @@ RULES = (
     *ACTUATE_RULES,
     *reading_rules.RULES,
     *value_rules.RULES,
+    *failure_rules.RULES,
     *write_rules.RULES,
     *SETTING_RULES,
     *outcome_rules.RULES,

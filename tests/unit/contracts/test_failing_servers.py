@@ -1,0 +1,28 @@
+"""A tool whose device fails: it raises an error, and does not answer that there is nothing."""
+
+from cases import for_each
+from failing_servers import INTERFACE, RIGHT, UNASKED, WRONG
+
+from octoform.contracts.rules.serve.serve_rules import serve_static
+from octoform.diagnostics import Severity
+
+
+def errors(server: str) -> set[str]:
+    found = serve_static(server, INTERFACE)
+    return {f"{item.code}: {item.summary}" for item in found if item.severity is Severity.ERROR}
+
+
+@for_each("case", WRONG)
+def test_an_answer_of_nothing_is_refused(case: str) -> None:
+    found = errors(WRONG[case])
+    assert any("SERVE-DEFAULT-READING" in item and "answers with nothing" in item for item in found), found
+
+
+@for_each("case", RIGHT)
+def test_a_failure_that_is_raised_is_accepted(case: str) -> None:
+    assert errors(RIGHT[case]) == set()
+
+
+@for_each("case", UNASKED)
+def test_a_device_that_is_always_there_is_refused(case: str) -> None:
+    assert "SERVE-DEVICE-NOT-ASKED" in {item.partition(":")[0] for item in errors(UNASKED[case])}
