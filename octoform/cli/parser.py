@@ -171,9 +171,7 @@ def _calling(commands: Commands) -> None:
     flag(tools, "start", _START)
     call = add(commands, "call", "call a tool of the live endpoint", json=False)
     call.add_argument("tool", metavar="TOOL", nargs="?", help="the tool (default: a read-only tool, as an example)")
-    call.add_argument(
-        "-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help="an argument; repeatable"
-    )
+    call.add_argument("-arg", "--arg", metavar="NAME=VALUE", action="append", default=[], help="argument; repeatable")
     call.add_argument("-json", "--json", metavar="OBJECT", nargs="?", const="", dest="json_arguments", help=_CALL_JSON)
     value(call, "timeout", "DURATION", "give up after DURATION", default="60s")
     flag(call, "dry-run", "report what the call would do, and do nothing")
