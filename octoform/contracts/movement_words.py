@@ -150,6 +150,12 @@ def is_quantity(name: str) -> bool:
     return bool(words & (_QUANTITIES | _GOALS)) and not words & _TIMES
 
 
+def is_time(name: str) -> bool:
+    """Whether a parameter by its name is how long a call waits."""
+    words = set(spoken(name))
+    return bool(words & _WAITS or (words & _TIMES and not words & _STEERING))
+
+
 def commands_something(text: str) -> bool:
     """Whether a line for a device, or a choice, orders something by its words."""
     words = spoken(text)

@@ -215,15 +215,15 @@ INTERFACE_WRONG: dict[str, Any] = {
 INTERFACE_RIGHT: dict[str, Any] = {
     f"kept: {name}": case
     for name, case in {
-        "a volume that software amplifies": takes(
+        "a brightness that software boosts": takes(
             "set_led",
-            "volume_percent",
+            "brightness_percent",
             {
                 **NUMBER,
                 "minimum": 0,
                 "maximum": 150,
                 "default": 0,
-                "description": "volume in percent; PipeWire amplifies above 100",
+                "description": "brightness in percent; software boosts it above 100",
             },
             limits=[],
         ),

@@ -13,7 +13,7 @@ from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
-from octoform.contracts.movement_words import carries, is_quantity, name_moves, speaks_of_change, spoken
+from octoform.contracts.movement_words import carries, is_quantity, is_time, name_moves, speaks_of_change, spoken
 from octoform.contracts.name_clues import changes, is_class_word, is_filler, is_passthrough, offers_a_pipe
 from octoform.contracts.name_words import names_language, parts, word_set, words
 from octoform.diagnostics import Diagnostic, error
@@ -32,7 +32,9 @@ _NAMING = re.compile(
 _MAKER = re.compile(
     r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE
 )
-_LISTENS = frozenset({"listen", "listens", "listening", "presence", "present", "attached", "connected"})
+_PRESENCE = frozenset({"presence", "present", "attached", "connected"})
+_LISTENS = frozenset({"listen", "listens", "listening"}) | _PRESENCE
+_ASKED_AT = re.compile(r"(?i)\b(?:registers?|address(?:es)?|opcodes?)\s+(?:0x)?[0-9a-f]*\d[0-9a-f]*\b")
 
 
 def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -279,12 +281,25 @@ def _tool_moves(tool: JsonObject) -> tuple[tuple[str, ...], str] | None:
         return ("name",), f"{display(word)} is no reading"
     if words := speaks_of_change(tool["description"]):
         return ("description",), f"its description has {display(words)}"
+    if _PRESENCE.intersection(spoken(tool["capability"])) and (found := _asks_more(tool)):
+        return found
     for name, member in tool["input_schema"].get("properties", {}).items():
         if isinstance(member, dict) and (why := carries(name, member, tool["devices"])):
             return ("input_schema", "properties", name), f"of its parameter {display(name)}, {why}"
     for name, member in tool.get("output_schema", {}).get("properties", {}).items():
         if words := speaks_of_change(name) or next(filter(None, map(speaks_of_change, _texts(member))), None):
             return ("output_schema", "properties", name), f"its result {display(name)} has {display(words)}"
+    return None
+
+
+def _asks_more(tool: JsonObject) -> tuple[tuple[str, ...], str] | None:
+    """What of a tool that reads whether a device is there asks the device itself for something."""
+    if said := _ASKED_AT.search(tool["description"]):
+        return ("description",), f"its description has {display(said[0])}; to see that it is there asks it nothing"
+    names = [name for name in tool["input_schema"].get("properties", {}) if name != "device" and not is_time(name)]
+    if names:
+        why = f"its parameter {display(names[0])} chooses what it is asked; to see that it is there asks it nothing"
+        return ("input_schema", "properties", names[0]), why
     return None
 
 

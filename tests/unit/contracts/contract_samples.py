@@ -149,6 +149,7 @@ INTERFACE: dict[str, Any] = {
             "annotations": READ,
             "input_schema": {"type": "object", "properties": {}},
             "output_schema": {"type": "object", "properties": {"rpm": {"type": "number"}}},
+            "smoke": {"arguments": {}},
         },
         {
             "name": "set_fan_speed",

@@ -467,6 +467,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         # in test_outputs_held
         "INTERFACE-DESCRIPTION",
         "INTERFACE-RESULT-BARE",
+        *("INTERFACE-PARAMETER-FOREIGN", "INTERFACE-RESULT-SERIAL", "INTERFACE-REASON-DIFFERS"),
         # in integration/test_returns
         "INTERFACE-IDENTIFY-WRONG",
         # in test_fresh_outputs

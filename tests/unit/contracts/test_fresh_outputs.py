@@ -12,6 +12,7 @@ import fresh_cases as fresh
 import novel_cases as novel
 import outcome_cases as outcome
 import pytest
+import stray_cases as stray
 import unseen_cases as unseen
 import wrong_deploys
 from bench_host import desk, watched
@@ -97,7 +98,7 @@ def of_all(kind: str) -> dict[str, tuple[str, Any]]:
     """The cases of each stage, by stage and name."""
     found: dict[str, tuple[str, Any]] = {}
     for stage in ("probe", "identify", "interface", "serve", "deploy"):
-        for cases in (fresh, unseen, novel, bent, outcome, classes):
+        for cases in (fresh, unseen, novel, bent, outcome, classes, stray):
             for name, case in getattr(cases, f"{stage.upper()}_{kind}", {}).items():
                 assert f"{stage}: {name}" not in found
                 found[f"{stage}: {name}"] = case if stage in HOSTS else ("", case)

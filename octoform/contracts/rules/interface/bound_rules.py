@@ -15,6 +15,7 @@ from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
+from octoform.contracts.rules.interface.parameter_rules import takes_a_program
 from octoform.diagnostics import Diagnostic, error
 
 MAX_WAIT = 60.0
@@ -322,7 +323,7 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """No tool is a raw pipe, by its name, its description or a parameter that takes anything."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        raw = raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
+        raw = takes_a_program(tool) or raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
         lines = [
             name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
         ]

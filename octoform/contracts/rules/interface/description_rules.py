@@ -11,6 +11,7 @@ from typing import Any
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.rules.interface import subject_rules
 from octoform.diagnostics import Diagnostic, error
 
 _INSTANCE = {
@@ -29,7 +30,11 @@ _ORDERS = re.compile(
     re.IGNORECASE,
 )
 _OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
-_DEMANDS = re.compile(r"\byou (?:must|have to) (?:always )?(?:call|use|run|execute)\b", re.IGNORECASE)
+_DEMANDS = re.compile(
+    r"\byou (?:must|have to|need to) (?:(?:always|first|then|also|never|again|please) ){0,2}"
+    r"(?:call|use|run|execute|invoke)\b",
+    re.IGNORECASE,
+)
 _CALLS = re.compile(
     r"\b(?:(?:[Cc]all|[Ii]nvoke|[Ee]xecute|[Rr]un)\s+(?:the\s+)?(?:tool\s+)?|[Uu]se\s+the\s+tool\s+)"
     r"[`'\"]?([a-zA-Z][a-zA-Z0-9]*(?:[_.][a-zA-Z0-9]+)+)\b"
@@ -78,6 +83,10 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                     summary = f"a description of {display(tool['name'])} {what}"
                     hint = f"describe what the tool does; {hint}"
                     out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
+        for what, hint in subject_rules.problems(tool, artifacts):
+            summary = f"the description of {display(tool['name'])} {what}"
+            at = pointer("tools", index, "description")
+            out.append(error("INTERFACE-DESCRIPTION", summary, pointer=at, hint=hint))
     return out
 
 
@@ -126,4 +135,35 @@ def attached_devices(artifacts: Artifacts) -> set[str]:
     return {device["id"] for device in probed if device.get("interface") != "network"}
 
 
-RULES = (Rule("INTERFACE-DESCRIPTION", description),)
+_SINGLES = re.compile(
+    r"(?i)(?:^|_)serial(?:_?(?:number|no|nr|num|id))?$|(?:^|_)(?:imei|imsi|iccid|meid)$|^(?:system|product)_uuid$"
+)
+
+
+def serial_returned(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """No result has a serial number: which unit it is is no reading, and it goes to every model that asks."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for where, name, member in _members(tool.get("output_schema"), ("tools", index, "output_schema")):
+            if _SINGLES.search(name) and "boolean" not in str(member.get("type")):
+                summary = f"the result of {display(tool['name'])} has the serial number {display(name)}"
+                hint = "take it out: maker and model state the kind, and a device is named by its id"
+                out.append(error("INTERFACE-RESULT-SERIAL", summary, pointer=pointer(*where), hint=hint))
+    return out
+
+
+def _members(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str, JsonObject]]:
+    """(place, name, schema) of every member of a result, at any depth."""
+    if isinstance(value, dict):
+        members = value.get("properties")
+        for name, item in members.items() if isinstance(members, dict) else ():
+            if isinstance(item, dict):
+                yield (*where, "properties", name), name, item
+        for name, item in value.items():
+            yield from _members(item, (*where, name))
+    elif isinstance(value, list):
+        for index, item in enumerate(value):
+            yield from _members(item, (*where, index))
+
+
+RULES = (Rule("INTERFACE-DESCRIPTION", description), Rule("INTERFACE-RESULT-SERIAL", serial_returned))

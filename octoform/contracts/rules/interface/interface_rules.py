@@ -13,7 +13,7 @@ from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.name_clues import is_class_word, is_filler, same_action, tokens
 from octoform.contracts.rules import raw_line_rules
-from octoform.contracts.rules.interface import bound_rules, description_rules, member_units
+from octoform.contracts.rules.interface import bound_rules, description_rules, member_units, parameter_rules
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 
@@ -180,7 +180,8 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             for device in sorted(lines.intersection(tool["devices"]))[:1]:
                 unknown = f"nothing declares how {display(device)} stops"
                 summary = f"{display(tool['name'])} is declared {tool['effect']}, and {unknown}"
-                hint = f"skip {tool['capability']} with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
+                hint = f"write {wanted}, as IDENTIFY has {tool['capability']}, and describe what that does; where it "
+                hint += f"would act, skip it with the reason unsafe; {raw_line_rules.cure(device, artifacts)}"
                 where = pointer("tools", index, "effect")
                 out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
         elif tool["effect"] != wanted:
@@ -306,6 +307,23 @@ def left_out_twice(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def reason_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What IDENTIFY skipped has its reason here too, and what it did not know is of unknown meaning."""
+    given = {item["id"]: item["reason"] for item in _identify(artifacts)["left_out"]}
+    unknown = {item["id"] for item in _identify(artifacts)["devices"] if item["category"] == "unknown"}
+    given |= dict.fromkeys(unknown, "unknown_meaning")
+    return [
+        error(
+            "INTERFACE-REASON-DIFFERS",
+            f"{display(item['id'])} is skipped as {item['reason']}, and by IDENTIFY it is {given[item['id']]}",
+            pointer=pointer("left_out", index, "reason"),
+            hint=f"write {given[item['id']]}; where that is false, `identify_errors` has it corrected",
+        )
+        for index, item in enumerate(value["left_out"])
+        if item["reason"] not in (given.get(item["id"], item["reason"]), _UNSAFE)
+    ]
+
+
 def duplicate_path(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """One way to one reading: no two tools do the same on one device under two names."""
     first: dict[tuple[str, frozenset[str]], str] = {}
@@ -336,11 +354,13 @@ RULES = (
     Rule("INTERFACE-TOOL-BUDGET", tool_budget),
     Rule("INTERFACE-DEVICE-UNACCOUNTED", device_unaccounted),
     Rule("INTERFACE-LEFT-OUT-TWICE", left_out_twice),
+    Rule("INTERFACE-REASON-DIFFERS", reason_differs),
     Rule("INTERFACE-DUPLICATE-PATH", duplicate_path),
     Rule("INTERFACE-BUDGET-UNUSED", budget_unused),
     *bound_rules.RULES,
     *description_rules.RULES,
     *member_units.RULES,
+    *parameter_rules.RULES,
     *raw_line_rules.INTERFACE_RULES,
     *raw_line_rules.INTERFACE_STOPS,
     Rule("INTERFACE-UNESCAPED-TEXT", in_values("INTERFACE-UNESCAPED-TEXT")),

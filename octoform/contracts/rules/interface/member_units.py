@@ -12,6 +12,7 @@ from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_in, unit_of_name
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import tokens
+from octoform.contracts.rules.interface.subject_rules import known_text
 from octoform.diagnostics import Diagnostic, error, warning
 
 _QUANTITIES = frozenset(
@@ -343,7 +344,7 @@ def result_bare(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             out.append(error("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         elif _is_text(tool["output_schema"]):
             summary = f"the result of {display(tool['name'])} is one text"
-            report = error if is_measured_name(tool["capability"]) else warning
+            report = warning if _READS_TEXT.intersection(tokens(tool["capability"])) else error
             out.append(report("INTERFACE-RESULT-BARE", summary, pointer=where, hint=hint))
         else:
             for place, why in read_nothing(tool["capability"], tool["output_schema"]):
@@ -368,10 +369,31 @@ def _is_text(schema: Any) -> bool:
     if not isinstance(members, dict) or len(members) != 1:
         return False
     only = next(iter(members.values()))
-    return isinstance(only, dict) and only.get("type") == "string" and "enum" not in only and bool(set(members) & _BARE)
+    free = isinstance(only, dict) and only.get("type") == "string" and "enum" not in only
+    return free and bool(set(members) & _BARE or _ALL_IN_ONE.search(str(only.get("description", ""))))
 
 
-def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+_RAW = re.compile(r"(?i)\b(?:raw|counts?|ticks|steps?|unscaled|unitless|without a unit)\b")
+_HUNDRED = re.compile(r"(?<![\d.])100(?![\d.])")
+
+
+def _raw_in_percent(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, name) of each number that is called raw and bound like a percentage, at any depth."""
+    if not isinstance(schema, Mapping):
+        return
+    members = schema.get("properties")
+    for name, member in members.items() if isinstance(members, Mapping) else ():
+        place = (*where, "properties", str(name))
+        if isinstance(member, Mapping) and (member.get("minimum"), member.get("maximum")) == (0, 100):
+            text = f"{name} {member.get('description', '')}".replace("_", " ")
+            if _RAW.search(text) and not re.search(r"(?i)percent|%|100", text):
+                yield place, str(name)
+        yield from _raw_in_percent(member, place)
+    for part in ("items", "additionalProperties"):
+        yield from _raw_in_percent(schema.get(part), (*where, part))
+
+
+def result_without_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A member that is a quantity has its unit in its name or description: results are judged by it."""
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -386,6 +408,13 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
             hint += "`unit` beside it; what a device gives without one is called raw"
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
+        for where, name in _raw_in_percent(tool.get("output_schema")):
+            if _HUNDRED.search(known_text(tool, artifacts)):
+                break
+            summary = f"the raw {display(name)} of {display(tool['name'])} is bound to 0 to 100, as a percentage is"
+            hint = "write the bounds of the attribute, or none where neither IDENTIFY nor PROBE shows them"
+            place = pointer("tools", index, "output_schema", *where)
+            out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
         for where, name in unit_against_name(tool.get("output_schema")):
             member = f"the {display(name)} of {display(tool['name'])}"
             summary = f"{member} has one unit by its name and another by its words"
@@ -396,7 +425,12 @@ def result_without_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
-_BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply"})
+_BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply", "data", "content"})
+_ALL_IN_ONE = re.compile(r"(?i)\b(?:as|in|one|whole|plain) text\b|\boutput of\b|\bto be parsed\b|\beverything\b")
+_READS_TEXT = frozenset(
+    {"text", "barcode", "barcodes", "code", "label", "message", "ocr", "card", "tag", "badge", "page"}
+)
+"""Words of a capability whose reading is text: that on a label."""
 RULES = (
     Rule("INTERFACE-RESULT-BARE", result_bare),
     Rule("INTERFACE-RESULT-UNIT", result_without_unit),

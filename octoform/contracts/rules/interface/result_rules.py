@@ -161,11 +161,16 @@ def smoke_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
                 summary = f"{display(tool['name'])} is no read tool and may not be called for a test"
                 out.append(error("INTERFACE-SMOKE", summary, pointer=where, hint="take smoke out"))
             continue
-        arguments = tool.get("smoke", {}).get("arguments", {})
+        if "smoke" not in tool:
+            summary = f"{display(tool['name'])} reads and has no test call"
+            hint = 'write "smoke": {"arguments": {...}} with harmless arguments; {} where a call needs none'
+            out.append(error("INTERFACE-SMOKE", summary, pointer=pointer("tools", index), hint=hint))
+            continue
+        arguments = tool["smoke"]["arguments"]
         problem = _misfit(arguments, tool["input_schema"])
         if problem is not None:
-            given = "its smoke arguments do" if "smoke" in tool else "without smoke arguments, an empty call does"
-            summary = f"{display(tool['name'])} cannot be called for a test: {given} not fit the input_schema"
+            summary = f"{display(tool['name'])} cannot be called for a test: its smoke arguments do not fit the "
+            summary += "input_schema"
             hint = "give harmless arguments that the input_schema accepts"
             out.append(error("INTERFACE-SMOKE", summary, pointer=where, detail=problem, hint=hint))
     return out
