@@ -1,4 +1,6 @@
-"""Servers whose device fails: what answers with nothing then is wrong, what fails or states it is right.
+"""Servers whose device fails, and servers that read another attribute than they name.
+
+What answers with nothing while its device fails is wrong, what fails or states it is right.
 
 Each is an edit of `SERVER`, which implements `INTERFACE`.
 """
@@ -282,4 +284,32 @@ RIGHT |= {
         f"try:\n    {_ASKS}\n    there = True\nexcept runtime.DeviceAbsent:\n    there = False\n"
         "return Presence(there, time.time())"
     ),
+}
+
+_VENDOR = 'runtime.read_text(folder / "sys_vendor")'
+_EVERY = "{name: (folder / name).read_text().strip() for name in " + repr(_NAMES) + "}"
+OTHERWISE: dict[str, tuple[str, str]] = {
+    "two names exchanged": (SERVER.replace(_VENDOR, _VENDOR.replace("sys_", "board_")), "SERVE-READING-OTHERWISE"),
+    "exchanged in a record": (
+        identity(f"found = {_EVERY}\nreturn Identity(found['board_vendor'], None, found['sys_vendor'], None)"),
+        "SERVE-READING-OTHERWISE",
+    ),
+    "a serial number as a name": (SERVER.replace('/ "product_name"', '/ "product_serial"'), "SERVE-READING-OTHERWISE"),
+    "a text of the file": (
+        SERVER.replace('runtime.read_text(folder / "board_name")', '"Heron H7"'),
+        "SERVE-CONSTANT-READING",
+    ),
+    "how long it was to wait": (
+        SERVER.replace("waited = time.monotonic() - start", "waited = wait_seconds"),
+        "SERVE-CONSTANT-READING",
+    ),
+    "how long it was to wait, at once": (SERVER.replace("], waited)", "], wait_seconds)"), "SERVE-CONSTANT-READING"),
+}
+RIGHT |= {
+    "read in a loop": identity(f"return Identity(**{_EVERY})"),
+    "a name that is not there": SERVER.replace('runtime.read_text(folder / "board_name")', "None"),
+    "two attributes as one text": SERVER.replace(_VENDOR, f'" ".join([str({_VENDOR}), "of the board"])'),
+    "a wait that is whole": touches(
+        "import runtime.evdev\ntime.sleep(wait_seconds)\n" + f"found = {TAKES}",
+    ).replace("waited = time.monotonic() - start", "waited = wait_seconds"),
 }

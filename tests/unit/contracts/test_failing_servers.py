@@ -1,7 +1,7 @@
 """A tool whose device fails: it raises an error, and does not answer that there is nothing."""
 
 from cases import for_each
-from failing_servers import INTERFACE, RIGHT, UNASKED, WRONG
+from failing_servers import INTERFACE, OTHERWISE, RIGHT, UNASKED, WRONG
 
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
@@ -26,3 +26,9 @@ def test_a_failure_that_is_raised_is_accepted(case: str) -> None:
 @for_each("case", UNASKED)
 def test_a_device_that_is_always_there_is_refused(case: str) -> None:
     assert "SERVE-DEVICE-NOT-ASKED" in {item.partition(":")[0] for item in errors(UNASKED[case])}
+
+
+@for_each("case", OTHERWISE)
+def test_another_attribute_than_is_named_is_refused(case: str) -> None:
+    server, code = OTHERWISE[case]
+    assert {item.partition(":")[0] for item in errors(server)} == {code}

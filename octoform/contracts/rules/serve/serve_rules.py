@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the eleven families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of the twelve families."""
 
 import ast
 import re
@@ -10,6 +10,7 @@ from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve import (
+    attribute_rules,
     code_rules,
     device_rules,
     exchange_rules,
@@ -471,9 +472,8 @@ def syntax(value: str, _: Artifacts) -> list[Diagnostic]:
     return [] if isinstance(source, Source) else [source]
 
 
-# `syntax` comes first: the others do not see a source that it refuses.
 RULES = (
-    Rule("SERVE-SYNTAX", syntax),
+    Rule("SERVE-SYNTAX", syntax),  # the others do not see a source that it refuses
     *code_rules.RULES,
     *device_rules.RULES,
     *code_rules.LOOP_RULES,
@@ -482,6 +482,7 @@ RULES = (
     *reading_rules.RULES,
     *value_rules.RULES,
     *failure_rules.RULES,
+    *attribute_rules.RULES,
     *write_rules.RULES,
     *SETTING_RULES,
     *outcome_rules.RULES,
