@@ -299,7 +299,12 @@ def calls_text(report: CheckReport) -> str:
     tried = {call.tool for call in report.calls if call.skipped is None}
     failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}
     left = len({call.tool for call in report.calls} - tried)
-    return f"{len(tried - failed)} of {len(tried)} read tools answered{f', {left} not tried' if left else ''}"
+    full = {call.tool for call in report.calls if call.content or not call.results}
+    empty = ", ".join(sorted(tried - failed - full))
+    done = (
+        f"{len(tried - failed)} of {len(tried)} read tools answered{f', {empty} with nothing in it' if empty else ''}"
+    )
+    return f"{done}{f', {left} not tried' if left else ''}"
 
 
 def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:

@@ -15,7 +15,7 @@ from typing import Any
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import ForkServer
-from octoform.endpoint.client.check_verdict import CheckReport, SampleCallResult, has_content, judge_check
+from octoform.endpoint.client.check_verdict import CheckReport, SampleCallResult, judge_check
 from octoform.endpoint.client.sdk_client import Call, ClientReport, converse, recorded_environment
 from octoform.endpoint.expected_tools import untried
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
@@ -271,7 +271,7 @@ def _record(report: CheckReport) -> bytes:
         "calls": [
             {
                 **{name: value for name, value in asdict(call).items() if name not in ("results", "raw")},
-                "content": any(map(has_content, call.results)) or bool(call.pictures),
+                "content": call.content,
             }
             for call in report.calls
         ],

@@ -41,6 +41,11 @@ class SampleCallResult:
     results: tuple[Any, ...] = ()
     raw: tuple[Mapping[str, float], ...] = ()
 
+    @property
+    def content(self) -> bool:
+        """Whether an answer has anything in it."""
+        return any(map(has_content, self.results)) or bool(self.pictures)
+
 
 @dataclass(frozen=True, slots=True)
 class CheckReport:
@@ -85,6 +90,12 @@ def has_content(result: Any) -> bool:
     if isinstance(result, list):
         return any(map(has_content, result))
     return result is not None and result not in ("", "unknown")
+
+
+def _is_null(result: Any) -> bool:
+    """Whether each member of a result but the device is null; an empty list is what a quiet device gives."""
+    members = [value for name, value in result.items() if name not in _NAMES] if isinstance(result, Mapping) else []
+    return bool(members) and all(value is None for value in members)
 
 
 def of_another(call: SampleCallResult, devices: frozenset[str]) -> str | None:
@@ -190,7 +201,7 @@ def judge_check(
     for call in report.calls:
         here = seen & ({call.device} if call.device else set(tools.get(call.tool, {}).get("devices", ())))
         found += _call(call, bool(here), lacked)
-        found += _untrue(call, tools.get(call.tool, {}).get("output_schema", {}), devices)
+        found += _untrue(call, tools.get(call.tool, {}).get("output_schema", {}), devices, here=bool(here))
     found += _silence(report.calls, bool(seen), has_errors(found))
     if report.survivors:
         summary = f"processes of the server still running after the check, ended: {report.survivors}"
@@ -302,7 +313,9 @@ def _program(kind: str, text: str) -> str | None:
     return found[1] if found else None
 
 
-def _untrue(call: SampleCallResult, schema: Mapping[str, Any], devices: frozenset[str]) -> list[Diagnostic]:
+def _untrue(
+    call: SampleCallResult, schema: Mapping[str, Any], devices: frozenset[str], *, here: bool
+) -> list[Diagnostic]:
     """Diagnostics for results of a call that cannot be true."""
     found = []
     for_device = f"{call.tool} for {call.device}" if call.device else call.tool
@@ -314,6 +327,10 @@ def _untrue(call: SampleCallResult, schema: Mapping[str, Any], devices: frozense
     if other := of_another(call, devices):
         hint = "ask for the device that the caller names, and return its id"
         found.append(error("ENDPOINT-RESULT-OTHER-DEVICE", f"{for_device} answers for {other}", hint=hint))
+    if call.ok and here and call.results and all(map(_is_null, call.results)):
+        hint = "see why nothing can be read of the device: octoform call shows it; a server raises an error for that"
+        summary = f"{for_device} answers with null alone, and PROBE saw the device a moment ago"
+        found.append(warning("ENDPOINT-RESULT-EMPTY", summary, hint=hint))
     if moved := unmoved(call):
         values = ", ".join(f"{table[moved]:g}" for table in call.raw)
         hint = "return what was read in this call; nothing remembered, no constant"

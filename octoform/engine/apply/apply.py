@@ -207,7 +207,10 @@ def sample_answer(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]
     took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
     tried = {call["tool"] for call in calls if call.get("skipped") is None}
     left = len({call["tool"] for call in calls} - tried)
-    return f"{name} answered{took}; {len(good)} of {len(tried)} read tools did{f', {left} not tried' if left else ''}"
+    empty = ", ".join(sorted(good.keys() - {call["tool"] for call in calls if call.get("content", True)}))
+    nothing = f", {empty} with nothing in it" if empty else ""
+    done = f"{len(good)} of {len(tried)} read tools did{nothing}"
+    return f"{name} answered{took}; {done}{f', {left} not tried' if left else ''}"
 
 
 _SERVING = ("deploy", "endpoint")

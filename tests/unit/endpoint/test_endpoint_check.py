@@ -130,6 +130,24 @@ def test_a_constant_beside_a_reading_that_moves_is_an_error(zoo: Seen) -> None:
     assert said([problem]) == [("error", "ENDPOINT-RESULT-CONSTANT")] and "1000, 2000, 3000" in problem.summary
 
 
+@pytest.mark.parametrize(
+    ("result", "seen", "warned"),
+    [
+        ({"device": "one", "vendor": None, "name": None}, {"one"}, True),
+        ({"device": "one", "vendor": None, "name": None}, set(), False),
+        ({"device": "one", "vendor": None, "name": "Heron"}, {"one"}, False),
+        ({"device": "one", "events": []}, {"one"}, False),
+        ({"device": "one"}, {"one"}, False),
+    ],
+)
+def test_null_alone_from_a_device_that_probe_saw_is_a_warning(result: Any, seen: set[str], warned: bool) -> None:
+    call = SampleCallResult("read_one", True, logged=True, ended_well=True, device="one", results=(result,))
+    report = CheckReport(True, None, None, None, ({"name": "read_one"},), (call,), 1.0)
+    interface = {"tools": [{"name": "read_one", "devices": ["one"]}]}
+    found = said(judge_check(report, interface, frozenset(seen)))
+    assert found == ([("warning", "ENDPOINT-RESULT-EMPTY")] if warned else [])
+
+
 def test_each_device_of_a_tool_is_tried(zoo: Seen) -> None:
     assert [(call.device, call.ok) for call in zoo[0].calls if call.tool == "of_two"] == [
         ("first", True),

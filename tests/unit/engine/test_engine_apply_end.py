@@ -89,3 +89,21 @@ def test_a_tool_that_was_not_tried_is_counted_apart() -> None:
     results = tuple(SampleCallResult(call["tool"], call["ok"], call["skipped"]) for call in calls)
     report = CheckReport(True, None, None, None, (), results, 1.0)
     assert calls_text(report) == "1 of 2 read tools answered, 1 not tried"
+
+
+def test_a_tool_that_answered_with_nothing_is_named() -> None:
+    calls = [called("read_1", True, content=True), called("read_2", True, content=False)]
+    assert apply.sample_answer(calls, apply.answering(calls)) == (
+        "read_1 answered in 4 ms; 2 of 2 read tools did, read_2 with nothing in it"
+    )
+    results = ({"device": "one", "on": True}, {"device": "one", "on": None})
+    report = CheckReport(
+        True,
+        None,
+        None,
+        None,
+        (),
+        tuple(SampleCallResult(f"read_{at + 1}", True, results=(each,)) for at, each in enumerate(results)),
+        1.0,
+    )
+    assert calls_text(report) == "2 of 2 read tools answered, read_2 with nothing in it"
