@@ -119,6 +119,7 @@ class Artifacts:
     what the host itself shows; None where the embedded agent does PROBE or where no one could look. ``registered`` is
     what the host's id databases say of a device's numbers (maker and product), by its id; None where no one looked.
     ``offered`` names, by the device's id, a profile that comes with octoform, would match and is not in the manifest.
+    ``python`` is the version of the interpreter that will serve, "" where that is not asked.
     """
 
     probe: JsonObject | None = None
@@ -134,6 +135,7 @@ class Artifacts:
     scan: HostScan | None = None
     registered: Mapping[str, str] | None = None
     offered: Mapping[str, str] = field(default_factory=dict)
+    python: str = ""
 
 
 def effects_of(artifacts: Artifacts) -> dict[str, str]:

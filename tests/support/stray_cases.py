@@ -5,6 +5,7 @@ Each set was accepted by the rules of its day, and is kept beside what is right 
 
 from typing import Any
 
+import wrong_deploys as deploy
 from wrong_interfaces import TEXT, Output, says, takes, told, tool
 
 
@@ -90,4 +91,20 @@ INTERFACE_RIGHT: dict[str, Any] = {
     ),
     "a percentage": returns("read_led", "share", type="number", minimum=0, maximum=100, description="percent"),
     "a kind that is one text": whole("read_storage", "model", type="string", description="model of the disk"),
+}
+
+
+DEPLOY_WRONG: dict[str, Any] = {
+    "a module of Python that is not listed": lambda value: value["imports"].pop(4),
+    "the runtime that is not listed": lambda value: value["imports"].pop(5),
+    "a module of Python by a package": deploy.provider(4, "fastmcp"),
+    "a Python that does not serve": lambda value: value.update(python=">=3.14"),
+    "a Python before the one that serves": lambda value: value.update(python=">=3.9,<3.11"),
+    "a package by its module alone": deploy.requires("pandas", "2.2.3", "pandas"),
+}
+DEPLOY_RIGHT: dict[str, Any] = {
+    "the Python that serves alone": lambda value: value.update(python="==3.11.*"),
+    "no range of Python": lambda value: value.pop("python", None),
+    "a package with its purpose": deploy.requires("tzdata", "2024.2", "time zones of this host"),
+    "a submodule of Python": lambda value: value["imports"][4].update(module="json.decoder"),
 }

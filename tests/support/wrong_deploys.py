@@ -105,8 +105,8 @@ WRONG: dict[str, tuple[Any, str]] = {
     "a provider that is not required": (provider(2, "serial"), PROVIDER),
     "the standard library for a package": (provider(3, "python"), PROVIDER),
     "the runtime for a package": (provider(1, "runtime"), PROVIDER),
-    "a package for the standard library": (provider(4, "numpy"), NOT_THERE),
-    "a package for the runtime": (provider(5, "fastmcp"), NOT_THERE),
+    "a package for the standard library": (provider(4, "numpy"), PROVIDER),
+    "a package for the runtime": (provider(5, "fastmcp"), PROVIDER),
     "a package twice": (requires("numpy", "2.1.1", "numpy"), "DEPLOY-DUPLICATE-REQUIREMENT"),
     "a package twice in another spelling": (requires("PySerial", "3.5", "serial"), "DEPLOY-DUPLICATE-REQUIREMENT"),
     "failed and required": (failed("numpy"), "DEPLOY-FAILED-AND-REQUIRED"),
@@ -119,6 +119,11 @@ WRONG: dict[str, tuple[Any, str]] = {
         lambda value: value.update(status="error", error="no wheel"),
         "DEPLOY-STATUS-ERROR",
     ),
+    "a module of Python skipped": (lambda value: value["imports"].pop(4), LACKS),
+    "the runtime skipped": (lambda value: value["imports"].pop(5), LACKS),
+    "a newer Python than will serve": (lambda value: value.update(python=">=3.14"), PYTHON),
+    "an older Python than will serve": (lambda value: value.update(python="<3.11.7"), PYTHON),
+    "a package for a module that is not imported": (requires("scipy", "1.14.1", "scipy"), UNUSED),
     "an older Python alone": (lambda value: value.update(python="<3.10"), PYTHON),
     "no range of Python": (lambda value: value.update(python="three"), PYTHON),
     "a program that is not started": (
@@ -140,6 +145,7 @@ def _right(value: Output) -> None:
     value["deps_failed"] = []
     value["programs"] = []
     value["python"] = ">=3.11,<4"
+    requires("tzdata", "2024.2", "time zones")(value)
 
 
 RIGHT = _right

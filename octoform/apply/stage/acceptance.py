@@ -6,6 +6,7 @@ an environment of its own declared packages, DEPLOY is started and called. Nothi
 
 import errno
 import stat
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import field, replace
 from pathlib import Path
@@ -205,7 +206,8 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     budget = manifest.budget_for("interface").tools
     registered = _registered(probe, context) if stage == "identify" and isinstance(probe, Mapping) else None
     known = Artifacts(**loaded, profiles=facts, answers=manifest.answers, tools_budget=budget, registered=registered)
-    return replace(known, offered=offered(context.profiles, probe, manifest.answers) if stage != "probe" else {})
+    known = replace(known, offered=offered(context.profiles, probe, manifest.answers) if stage != "probe" else {})
+    return replace(known, python=".".join(map(str, sys.version_info[:3]))) if stage == "deploy" else known
 
 
 def offered(chosen: Sequence[Profile], probe: object, answers: Mapping[str, str]) -> dict[str, str]:

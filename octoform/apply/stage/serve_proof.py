@@ -21,7 +21,8 @@ from octoform.base.escaping import display as shown_text
 from octoform.base.escaping import listed
 from octoform.base.files import replace
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
+from octoform.contracts.rules.deploy_rules import deploy_installed
+from octoform.contracts.rules.lock_rules import deploy_lock
 from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
 from octoform.contracts.rules.serve.line_rules import listening, on_a_line
 from octoform.contracts.rules.serve.tool_rules import tools_importing

@@ -4,10 +4,9 @@ What runs beside the hardware for months is decided here once, so nothing may be
 index happens to offer on the day of a repair. Light.
 """
 
-import re
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Mapping
 
-from octoform.base.escaping import display, escaped, flattened, listed
+from octoform.base.escaping import display, escaped, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.code_rules import is_standard, programs_of
@@ -19,7 +18,7 @@ from octoform.contracts.server_code.script_header import (
     required_python,
 )
 from octoform.contracts.server_code.server_source import Source, imported_modules, read_source
-from octoform.diagnostics import Diagnostic, Span, error, warning
+from octoform.diagnostics import Diagnostic, error, warning
 
 _BUILDS = frozenset({"headless", "contrib", "gpu", "cpu", "full", "lite", "nogui"})
 """Words by which builds of one library are distinguished in its name."""
@@ -43,7 +42,7 @@ def status_error(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """Each third-party import of the server has a provider.
+    """Each import of the server is listed, and each third-party one has a provider.
 
     A module that is imported only inside functions may be provided by a dependency that failed: then its tools fail
     when they are called, and the others work.
@@ -63,16 +62,28 @@ def import_unresolved(value: JsonObject, artifacts: Artifacts) -> list[Diagnosti
         else:
             continue
         out.append(error("DEPLOY-IMPORT-UNRESOLVED", summary, pointer="/imports", hint=hint))
+    for module in sorted(_own_imports(artifacts) - provided.keys()):
+        provider = "runtime" if module == "runtime" else "python"
+        summary = f"server.py imports {display(module)}, which `imports` does not list"
+        hint = f"add it, provided by `{provider}`"
+        out.append(error("DEPLOY-IMPORT-UNRESOLVED", summary, pointer="/imports", hint=hint))
     return out
 
 
-def import_provider(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+def import_provider(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A provider is a listed requirement, or ``python`` or ``runtime`` where that is true."""
     names = {normalised(item["name"]) for item in value["requirements"]}
     names |= {normalised(item["name"]) for item in value.get("deps_failed", ())}
     out = []
     for index, item in enumerate(value["imports"]):
         module, provider = item["module"].partition(".")[0], item["provided_by"]
+        own = "runtime" if module == "runtime" else "python" if is_standard(module) else None
+        if own not in (None, provider) and module in _own_imports(artifacts):
+            there = "lies beside the server" if own == "runtime" else "is a part of Python"
+            summary = f"{display(item['module'])} {there}, and {display(provider)} does not provide it"
+            where = pointer("imports", index, "provided_by")
+            out.append(error("DEPLOY-IMPORT-PROVIDER", summary, pointer=where, hint=f"write `{own}`"))
+            continue
         if provider == "python":
             fits = is_standard(module)
         elif provider == "runtime":
@@ -176,6 +187,10 @@ def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     except InvalidSpecifier:
         summary = f"{display(value['python'])} is no range of Python versions"
         return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
+    if artifacts.python and not wanted.contains(artifacts.python, prereleases=True):
+        summary = f"{display(value['python'])} does not hold Python {artifacts.python}, which will serve"
+        hint = f"write the range for which the set was proved; it was to be proved with Python {artifacts.python}"
+        return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
     if any(each in wanted and each in given for each in _PYTHONS):
         return []
     summary = f"no version of Python is both {display(value['python'])} and {display(str(given))}, as the server asks"
@@ -204,7 +219,8 @@ def import_not_there(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     imported = _foreign_imports(artifacts)
     out = []
     for index, item in enumerate(value["imports"]):
-        if item["provided_by"] in ("python", "runtime") or item["module"].partition(".")[0] in imported:
+        module = item["module"].partition(".")[0]
+        if item["provided_by"] in ("python", "runtime") or module in imported or module in _own_imports(artifacts):
             continue
         summary = f"server.py does not import {display(item['module'])}"
         hint = "list what the server imports, and require nothing for the rest"
@@ -258,8 +274,9 @@ _INSTALLERS = frozenset({"pip", "setuptools", "wheel", "uv", "virtualenv", "pipe
 """Package installers; nothing that runs in it needs them unless it imports them."""
 
 
-def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A requirement provides an import, or states what it is there for."""
+def requirement_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A requirement provides an import, or states what it is there for; the name of a module alone states an import."""
+    declared = declared_names(artifacts.serve or "")
     used = {normalised(item["provided_by"]) for item in value["imports"]}
     return [
         error(
@@ -270,7 +287,11 @@ def requirement_unused(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
         )
         for index, item in enumerate(value["requirements"])
         if normalised(item["name"]) not in used
-        and (normalised(item["name"]) in _INSTALLERS or not item.get("why", "").strip())
+        and (
+            normalised(item["name"]) in _INSTALLERS
+            or not item.get("why", "").strip()
+            or (item["why"].strip().replace(".", "_").isidentifier() and normalised(item["name"]) not in declared)
+        )
     ]
 
 
@@ -330,6 +351,13 @@ def _foreign_imports(artifacts: Artifacts) -> dict[str, bool]:
     return out
 
 
+def _own_imports(artifacts: Artifacts) -> set[str]:
+    """What the server imports of the standard library, and ``runtime`` where it does."""
+    source = read_source(artifacts.serve or "")
+    names = {name for name, _, _ in imported_modules(source)} if isinstance(source, Source) else set()
+    return {name for name in names if name != "__future__" and (name == "runtime" or is_standard(name))}
+
+
 def _named_as_module(value: JsonObject) -> list[Diagnostic]:
     """A package that is required for a module which another one is stated to provide."""
     providers = {item["module"]: item["provided_by"] for item in value["imports"]}
@@ -362,43 +390,6 @@ def _builds_twice(value: JsonObject) -> list[Diagnostic]:
 
 def _versions(value: JsonObject) -> list[tuple[int, str, str]]:
     return [(index, item["name"], item["version"]) for index, item in enumerate(value["requirements"])]
-
-
-# A set of packages proved: its lock as text (exact, with hashes, from the one index), and what it installed.
-#
-# The resolver wrote it, but it lies in git where anybody may edit it, and it decides what code runs beside hardware.
-# Light.
-
-_PINNED = re.compile(
-    r"(?P<name>[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)(?:\[[^\]]*\])?\s*==\s*(?P<version>[0-9][A-Za-z0-9.+!_-]*)"
-    r"(?P<rest>(?:\s*;[^#]*?)?(?:\s+--hash=\S+)*)\s*"
-)
-_HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}(?=\s|$)")
-_ELSEWHERE = re.compile(r"@|://|^\s*(?:-e\b|--editable\b|[./~])|\bfile:", re.IGNORECASE)
-_INDEX = re.compile(r"^\s*(?:-i|-f|--index-url|--extra-index-url|--find-links|--no-index|--trusted-host|--pre)\b")
-
-
-def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> list[Diagnostic]:
-    """Diagnostics for a lock in pip's requirements format as the lock of a DEPLOY artifact.
-
-    Every entry is pinned with ``==`` and has SHA-256 hashes; no entry comes from a URL or a path, no line names
-    another index; every requirement of ``deploy`` is in it with its version.
-    """
-    out: list[Diagnostic] = []
-    locked: dict[str, str] = {}
-    for number, line in _logical_lines(lock_text):
-        problem = _entry(line, locked)
-        if problem is not None:
-            code, summary, hint = problem
-            shown_line = flattened(line[:200])
-            out.append(error(code, summary, path=path, span=Span(number, 1), source=shown_line, hint=hint))
-    for item in deploy["requirements"]:
-        version = locked.get(normalised(item["name"]))
-        if version != item["version"]:
-            found = f"has version {version}" if version else "is not in the lock"
-            summary = f"{display(item['name'])} {found}; DEPLOY requires exactly {item['version']}"
-            out.append(error("DEPLOY-LOCK-MISSING", summary, path=path, hint="resolve the lock again"))
-    return out
 
 
 def deploy_installed(
@@ -453,36 +444,3 @@ def _provides(
             brought.add(name)
             queue += requirements.get(name, ())
     return bool(brought & set(real))
-
-
-def _entry(line: str, locked: dict[str, str]) -> tuple[str, str, str] | None:
-    """(code, summary, hint) of what is wrong with one entry; a good one is added to ``locked``."""
-    hint = "write name==version with --hash=sha256:..., as the resolver does"
-    if _INDEX.search(line):
-        return "DEPLOY-LOCK-INDEX", "the lock chooses where packages come from", "take the line out"
-    if _ELSEWHERE.search(line.partition("--hash")[0].partition(" ;")[0]):
-        return "DEPLOY-LOCK-URL", "the lock takes a package from outside the index", hint
-    match = _PINNED.fullmatch(line)
-    if match is None:
-        return "DEPLOY-LOCK-UNPINNED", f"{display(line)} is not pinned to one version", hint
-    if not _HASH.search(match["rest"]):
-        return "DEPLOY-LOCK-NO-HASH", f"{display(match['name'])} has no SHA-256 hash", hint
-    locked[normalised(match["name"])] = match["version"]
-    return None
-
-
-def _logical_lines(text: str) -> Iterator[tuple[int, str]]:
-    """(first line number, entry) with continuations joined and comments dropped."""
-    held, start = "", 0
-    for number, raw in enumerate(text.splitlines(), 1):
-        line = re.sub(r"(?:^|\s)#.*$", "", raw).rstrip()
-        start = start or number
-        if line.endswith("\\"):
-            held += line[:-1] + " "
-            continue
-        entry = (held + line).strip()
-        if entry:
-            yield start, entry
-        held, start = "", 0
-    if held.strip():
-        yield start, held.strip()

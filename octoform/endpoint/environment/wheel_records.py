@@ -57,17 +57,38 @@ def providers(folder: Path) -> dict[str, frozenset[str]]:
 
 
 def requirements(folder: Path) -> dict[str, frozenset[str]]:
-    """Each installed distribution to those that it asks for, optional ones too, by their normalised names."""
-    found = {}
+    """Each installed distribution to those that it asks for, by their normalised names.
+
+    One that it asks for under an extra (tests, documentation) counts where another installed one asks for that extra.
+    """
+    lines: dict[str, list[tuple[str, frozenset[str], str | None]]] = {}
     for metadata in folder.glob(f"*{_DIST_INFO}/METADATA"):
         try:
             text = head(metadata, MAX_BYTES, follow=True).decode("utf-8", "replace").partition("\n\n")[0]
         except OSError:  # that the environment is damaged shows elsewhere
             continue
-        wanted = re.findall(r"(?m)^Requires-Dist:\s*([A-Za-z0-9][A-Za-z0-9._-]*)", text)
         name = metadata.parent.name.removesuffix(_DIST_INFO).partition("-")[0]
-        found[_normalised(name)] = frozenset(map(_normalised, wanted))
-    return found
+        lines[_normalised(name)] = [_wanted(*found) for found in _REQUIRED.findall(text)]
+    extras: set[tuple[str, str]] = set()
+    while True:
+        counted = {
+            name: [row for row in rows if row[2] is None or (name, row[2]) in extras] for name, rows in lines.items()
+        }
+        asked = {(other, extra) for rows in counted.values() for other, named, _ in rows for extra in named}
+        if asked <= extras:
+            return {name: frozenset(other for other, _, _ in rows) for name, rows in counted.items()}
+        extras |= asked
+
+
+_REQUIRED = re.compile(r"(?m)^Requires-Dist:[ \t]*([A-Za-z0-9][A-Za-z0-9._-]*)[ \t]*(?:\[([^\]\n]*)\])?([^\n]*)$")
+_EXTRA = re.compile(r"\bextra\s*==\s*['\"]([^'\"]+)['\"]")
+
+
+def _wanted(name: str, extras: str, rest: str) -> tuple[str, frozenset[str], str | None]:
+    """(distribution, its extras that are asked for, the extra under which it is), each in its one spelling."""
+    under = _EXTRA.search(rest.partition(";")[2])
+    named = frozenset(_normalised(each.strip()) for each in extras.split(",") if each.strip())
+    return _normalised(name), named, _normalised(under[1]) if under else None
 
 
 def _normalised(name: str) -> str:

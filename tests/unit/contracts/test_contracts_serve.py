@@ -8,7 +8,8 @@ from unit.contracts.contract_samples import READ, SCHEMAS, SERVER, artifacts, go
 from octoform import runtime
 from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts
-from octoform.contracts.rules.deploy_rules import deploy_installed, deploy_lock
+from octoform.contracts.rules.deploy_rules import deploy_installed
+from octoform.contracts.rules.lock_rules import deploy_lock
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, camera_held
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.contracts.schema_equivalence import serve_dynamic

@@ -81,7 +81,7 @@ def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
     def deploy(change: Any) -> Found:
         value = copy.deepcopy(wrong_deploys.GOOD)
         change(value)
-        return check("deploy", value, Artifacts(serve=wrong_deploys.SERVER), SCHEMAS)
+        return check("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7"), SCHEMAS)
 
     return {
         "interface": interface,

@@ -64,15 +64,15 @@ def test_a_wrong_set_of_packages_is_told_what_is_wrong(case: str) -> None:
     change, code = wrong_deploys.WRONG[case]
     value = copy.deepcopy(wrong_deploys.GOOD)
     change(value)
-    found = severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER))
+    found = severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7"))
     assert found.get(code) == ("warning" if code in WARNED else "error"), found
 
 
 def test_a_right_set_of_packages_gives_no_finding() -> None:
     value = copy.deepcopy(wrong_deploys.GOOD)
-    assert severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER)) == {}
+    assert severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7")) == {}
     wrong_deploys.RIGHT(value)
-    assert severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER)) == {}
+    assert severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7")) == {}
 
 
 # What a reading sends, and whether it is fixed; `goal` and `channel` are parameters of the caller's.

@@ -16,6 +16,7 @@ from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import OFFLINE, normalise, resolve, unreached
 from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, packages_of, pins
+from octoform.endpoint.environment.wheel_records import requirements
 from octoform.endpoint.published_files import MANIFEST
 from octoform.state.layout import Layout
 
@@ -313,3 +314,21 @@ def test_who_would_compile_the_same_waits_for_it(
     assert prepare(layout, ["alpha==1.0"])
     waits.join(10)
     assert (early, waits.is_alive()) == ([False], False)
+
+
+def test_what_a_package_asks_for_under_an_extra_counts_where_the_extra_is_asked_for(tmp_path: Path) -> None:
+    texts = {
+        "server_kit-4.1": "Requires-Dist: kit-slim[client]==4.1\nRequires-Dist: tzdata; sys_platform == 'win32'\n",
+        "kit_slim-4.1": "Requires-Dist: httpx>=0.28; extra == 'client'\nRequires-Dist: redis; extra == \"tasks\"\n",
+        "bear_type-0.2": "Requires-Dist: numpy; (python_version < '3.15') and extra == 'test-tox'\n",
+        "httpx-0.28": "Requires-Dist: idna\nProvides-Extra: cli\n",
+    }
+    for name, lines in texts.items():
+        (tmp_path / f"{name}.dist-info").mkdir()
+        (tmp_path / f"{name}.dist-info/METADATA").write_text(f"Name: {name}\n{lines}\nRequires-Dist: of-the-readme\n")
+    assert requirements(tmp_path) == {
+        "server-kit": {"kit-slim", "tzdata"},
+        "kit-slim": {"httpx"},
+        "bear-type": frozenset(),
+        "httpx": {"idna"},
+    }
