@@ -5,11 +5,11 @@ Each set was written before anybody looked at what the rules say of it, and then
 
 from typing import Any
 
-from fresh_cases import NUMBER, TEXT
+from fresh_cases import NUMBER, TEXT, result
 from novel_servers import NUMBER as RAW
 from server_edits import ASKED, FILE
-from unseen_cases import percent
-from wrong_interfaces import says, takes
+from unseen_cases import every, percent
+from wrong_interfaces import says, takes, tool
 from wrong_servers import temperature
 
 TWICE = "def twice(number):\n    doubled = 2 * number\n    return twice(doubled) if doubled < 1 else doubled"
@@ -289,6 +289,170 @@ INTERFACE_RIGHT: dict[str, Any] = {
         "a run of a cycle": says("set_led", "Dims the lamp. A run takes 0.5 s."),
         "a program that it runs": says(
             "read_storage", "Reads the disk. It runs lsblk.json inside and asks nothing else."
+        ),
+    }.items()
+}
+
+
+def given(name: str, parameter: str, **members: Any) -> Any:
+    """Other members of a parameter that a tool takes."""
+    return lambda value: tool(value, name)["input_schema"]["properties"][parameter].update(members)
+
+
+def gives(name: str, member: str, schema: dict[str, Any]) -> Any:
+    """Another schema of a member of a tool's result."""
+    return lambda value: tool(value, name)["output_schema"]["properties"].update({member: schema})
+
+
+def instead(name: str, old: str, new: str, schema: dict[str, Any], unit: str, **more: Any) -> Any:
+    """Another parameter in the place of one, with its limit."""
+    limit = {"parameter": new, "minimum": schema["minimum"], "maximum": schema["maximum"], "unit": unit}
+
+    def change(value: Any) -> None:
+        whole = tool(value, name)
+        members = whole["input_schema"]["properties"]
+        members.pop(old)
+        members[new] = schema
+        required = [new if each == old else each for each in whole["input_schema"].get("required", ())]
+        whole["input_schema"].update({"required": required} if required else {})
+        whole.update(limits=[limit], **more)
+
+    return change
+
+
+INTERFACE_WRONG |= {
+    f"unit: {name}": case
+    for name, case in {
+        "that of another scale": result("read_temperature", ("temperature_c", {**NUMBER, "description": "in kelvin"})),
+        "thousandths by its name": result(
+            "read_temperature", ("temperature_mc", {**NUMBER, "description": "degrees Celsius"})
+        ),
+        "volts by its name": result("read_temperature", ("voltage_v", {**NUMBER, "description": "in mV"})),
+        "milliamperes by its name": result("read_temperature", ("current_ma", {**NUMBER, "description": "in A"})),
+        "bytes by its name": gives("read_storage", "size_bytes", {**INTEGER, "description": "size in gigabytes"}),
+        "a percentage that ends at one": gives(
+            "read_led", "percent", {**NUMBER, "minimum": 0, "maximum": 1, "description": "percent"}
+        ),
+        "a percentage that is a fraction": given("set_led", "percent", description="0.0 to 1.0, where 1.0 is full"),
+        "a percentage of 0..1": given("set_led", "percent", description="brightness, 0..1"),
+        "milliseconds by its name": takes(
+            "read_input_events",
+            "timeout_ms",
+            {**INTEGER, "minimum": 0, "maximum": 60, "default": 5, "description": "longest wait in seconds"},
+        ),
+        "seconds by its name": given("read_input_events", "seconds", description="longest wait in milliseconds"),
+        "seconds by its end": takes(
+            "read_led",
+            "hold_s",
+            {**NUMBER, "minimum": 0, "maximum": 5, "default": 1, "description": "milliseconds to hold"},
+        ),
+        "off that is on": takes(
+            "set_led", "off", {"type": "boolean", "default": False, "description": "true switches the LED on"}
+        ),
+        "enabled that is off": takes(
+            "set_led", "enabled", {"type": "boolean", "default": True, "description": "true disables the LED"}
+        ),
+        "a limit of another": lambda value: tool(value, "set_led")["limits"][0].update(unit="degC"),
+        "below nothing": given("set_led", "percent", minimum=-100),
+        "a wait of an hour, in pieces": takes(
+            "read_input_events",
+            "repeats",
+            {**INTEGER, "minimum": 1, "maximum": 100, "default": 1, "description": "how often to wait"},
+        ),
+    }.items()
+}
+INTERFACE_WRONG |= {
+    f"promise: {name}": case
+    for name, case in {
+        "humidity, too": says("read_temperature", "Read temperature and humidity of the board in degC and percent."),
+        "a processor": says("read_temperature", "Read the temperature of the CPU and the GPU in degC."),
+        "a battery": says("read_temperature", "Read the temperature of the battery."),
+        "a camera": says("read_led", "Read whether the camera is on."),
+        "the backlight": says("read_led", "Read the brightness of the display backlight in percent."),
+        "an accuracy": says("read_temperature", "Read the temperature in degC, accurate to 0.01 degC."),
+        "an accuracy by its sign": says("read_temperature", "Read the temperature in degC (±0.5)."),
+        "a gallery": says("capture_image", "Take one picture, save it and upload it to the gallery."),
+        "another device's id": given("read_led", "device", const="backlight-panel2", default="backlight-panel2"),
+        "one of two": given("set_brightness", "device", enum=["backlight-panel"]),
+    }.items()
+}
+INTERFACE_RIGHT |= {
+    f"unit: {name}": case
+    for name, case in {
+        "kelvin": result("read_temperature", ("temperature_k", {**NUMBER, "description": "in kelvin"})),
+        "thousandths": result(
+            "read_temperature",
+            ("temperature_mdegc", {**INTEGER, "description": "thousandths of a degree Celsius"}),
+        ),
+        "a fraction": instead(
+            "set_led",
+            "percent",
+            "fraction",
+            {**NUMBER, "minimum": 0, "maximum": 1, "description": "fraction of full brightness"},
+            "fraction",
+        ),
+        "a sign for it": lambda value: tool(value, "set_led")["limits"][0].update(unit="%"),
+        "milliseconds": instead(
+            "read_input_events",
+            "seconds",
+            "timeout_ms",
+            {**INTEGER, "minimum": 100, "maximum": 60000, "default": 5000, "description": "longest wait, milliseconds"},
+            "ms",
+            smoke={"arguments": {"timeout_ms": 100}},
+        ),
+        "milliseconds, and seconds as an example": takes(
+            "read_led",
+            "timeout_ms",
+            {
+                **INTEGER,
+                "minimum": 0,
+                "maximum": 60000,
+                "default": 100,
+                "description": "milliseconds; 60 seconds at most",
+            },
+        ),
+        "off": takes("set_led", "off", {"type": "boolean", "default": False, "description": "true switches it off"}),
+        "off, and on where false": takes(
+            "set_led", "off", {"type": "boolean", "default": False, "description": "true: leave it off; false: on"}
+        ),
+        "on": takes(
+            "set_led",
+            "enabled",
+            {"type": "boolean", "default": True, "description": "true switches the LED on, false off"},
+        ),
+        "a part of a percent": takes(
+            "set_led",
+            "step_percent",
+            {**NUMBER, "minimum": 0.1, "maximum": 1, "default": 0.5, "description": "percent of each step"},
+            limits=[],
+        ),
+        "two of them": result(
+            "read_temperature",
+            ("temperature_c", {**NUMBER, "description": "degC"}),
+            ("temperature_f", {**NUMBER, "description": "degF"}),
+        ),
+        "a fraction beside it": result(
+            "read_temperature", ("load_fraction", {**NUMBER, "description": "0 to 1"}), ("temperature_c", NUMBER)
+        ),
+        "volts": result(
+            "read_temperature", ("voltage_v", {**NUMBER, "description": "in V"}), ("temperature_c", NUMBER)
+        ),
+    }.items()
+}
+INTERFACE_RIGHT |= {
+    f"promise: {name}": case
+    for name, case in {
+        "what it is not": says(
+            "read_temperature", "Read the temperature of the board in degC. It is neither the CPU's nor the battery's."
+        ),
+        "an accuracy that no one knows": says(
+            "read_temperature", "Read the temperature in degC. Its accuracy is not known."
+        ),
+        "nothing leaves": says("capture_image", "Take one picture. Nothing is stored or uploaded."),
+        "not the battery's": says("read_temperature", "Read the temperature of the board, not the battery's."),
+        "a choice by labels": every(
+            takes("read_temperature", "label", {**TEXT, "enum": ["board"], "default": "board"}),
+            says("read_temperature", "Read the board's temperature in degC, as the kernel's driver reports it."),
         ),
     }.items()
 }

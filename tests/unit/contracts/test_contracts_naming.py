@@ -3,7 +3,9 @@
 from typing import Any
 
 import pytest
+from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
+from octoform.contracts.contract_check import check
 from octoform.contracts.name_clues import is_chip_name, is_passthrough, same_action
 from octoform.contracts.schema_equivalence import schema_equal
 
@@ -160,3 +162,34 @@ def test_a_schema_without_end_is_compared() -> None:
     forked: dict[str, Any] = {"type": "object", "properties": {"a": {"$ref": "#"}, "b": {"$ref": "#"}}}
     assert schema_equal(forked, forked) == []
     assert schema_equal({"$ref": "#"}, {"$ref": "#"}) == []
+
+
+def named(product: str, parameter: str) -> set[str]:
+    """The codes of an interface whose tool of a camera takes this parameter, where the camera calls itself so."""
+    value, probe = good("interface"), good("probe")
+    probe["devices"][0]["raw_descriptor"] = f"manufacturer: Acme\nproduct: {product}\ndriver: uvcvideo"
+    tool = next(each for each in value["tools"] if each["devices"] == ["usb-1234-0001"])
+    tool["input_schema"].setdefault("properties", {})[parameter] = {"type": "integer", "minimum": 0, "maximum": 9}
+    return {item.code for item in check("interface", value, artifacts(probe=probe), SCHEMAS)}
+
+
+@pytest.mark.parametrize(
+    ("product", "parameter"),
+    [("DeskCam Studio", "deskcam_gain"), ("Acme H20x", "h20x_gain"), ("Acme HOMER camera", "homer_gain")],
+)
+def test_one_word_that_was_made_for_a_product_names_no_parameter(product: str, parameter: str) -> None:
+    assert "INTERFACE-NAME-PRODUCT" in named(product, parameter)
+
+
+@pytest.mark.parametrize(
+    ("product", "parameter"),
+    [
+        ("Desk Studio", "studio_gain"),
+        ("ACME DESK CAMERA", "desk_gain"),
+        ("Acme H20x", "gain"),
+        ("DeskCam Studio", "width"),
+        ("Stream Camera", "stream_index"),
+    ],
+)
+def test_a_plain_word_of_a_product_may_name_a_parameter(product: str, parameter: str) -> None:
+    assert "INTERFACE-NAME-PRODUCT" not in named(product, parameter)

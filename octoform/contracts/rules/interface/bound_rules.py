@@ -33,6 +33,8 @@ _PAUSES = frozenset({"interval", "pause", "period", "spacing", "between", "every
 _COUNTS = frozenset(
     {"samples", "count", "readings", "repeat", "repeats", "repetitions", "frames", "number", "times", "n"}
 )
+_AGAIN = frozenset({"repeat", "repeats", "repetitions", "rounds", "tries", "attempts", "retries"})
+"""Counts of whole waits: each of them may be the longest."""
 _PLACES = frozenset(
     {"path", "paths", "file", "filename", "filepath", "folder", "directory", "dir", "url", "uri", "node"}
     | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
@@ -240,16 +242,17 @@ def limit_in_another_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def _series(index: int, tool: JsonObject) -> tuple[str, float, str] | None:
-    """(parameter, seconds, pointer) of a count of readings and the pause between them, at their longest."""
+    """(parameter, seconds, pointer) of a count of readings, or of waits, and the pause between them, at its longest."""
     counts, pauses = [], []
+    again = any(set(tokens(name)) & _AGAIN for name, _, _ in _parameters(index, tool))
     for name, where, member in _parameters(index, tool):
         spoken, most = set(tokens(name)), member.get("maximum", member.get("exclusiveMaximum", math.inf))
         if not _is_number(member) or not _is_plain(most):
             continue
-        if spoken & _PAUSES:
+        if spoken & _PAUSES or (again and spoken & (_WAITS | _RECORDS) and _is_time(spoken, member)):
             scale = next((each for word, each in _SECONDS.items() if word in spoken), 1.0)
             pauses.append((most * scale, where, name))
-        elif spoken & _COUNTS and not spoken & _PAUSES:
+        elif spoken & (_AGAIN if again else _COUNTS):
             counts.append(most)
     if not counts or not pauses:
         return None

@@ -11,7 +11,7 @@ from typing import Any
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.interface import subject_rules
+from octoform.contracts.rules.interface import promise_rules, subject_rules
 from octoform.diagnostics import Diagnostic, error
 
 _INSTANCE = {
@@ -42,8 +42,8 @@ _CALLS = re.compile(
 """An order to call something whose name can only be that of a tool."""
 _SENDS_AWAY = re.compile(
     r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
-    r"\b(?:e-?mails (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?|sends?"
-    r"|shares?|forwards?|synchroni[sz]es?)\b[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?|e-?mail|mqtt"
+    r"\b(?:(?:e-?mails|uploads?) (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?"
+    r"|sends?|shares?|forwards?|synchroni[sz]es?)\b[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?|e-?mail|mqtt"
     r"|social media|online|vendor'?s?|remote (?:server|host|service|endpoint|storage))\b)",
     re.IGNORECASE,
 )
@@ -83,7 +83,7 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                     summary = f"a description of {display(tool['name'])} {what}"
                     hint = f"describe what the tool does; {hint}"
                     out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-        for what, hint in subject_rules.problems(tool, artifacts):
+        for what, hint in (*subject_rules.problems(tool, artifacts), *promise_rules.problems(tool, artifacts)):
             summary = f"the description of {display(tool['name'])} {what}"
             at = pointer("tools", index, "description")
             out.append(error("INTERFACE-DESCRIPTION", summary, pointer=at, hint=hint))

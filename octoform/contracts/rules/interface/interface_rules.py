@@ -129,7 +129,8 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             spoken = set(re.findall(r"\b[a-z0-9]+\b", text)) | known
             strange = sorted(word for word in words & {*tokens(name)} - spoken if not is_filler(word))
             own = [word for word in strange if _is_own(word) and len(word) > 3]
-            if own and (len(strange) > 1 or makers.intersection(own)) and len(tokens(name)) > len(own):
+            coined = makers.union(_coined(lines)).intersection(own)
+            if own and (len(strange) > 1 or coined) and len(tokens(name)) > len(own):
                 summary = f"the parameter {display(name)} of {display(tool['name'])} has {listed(strange)} of a product"
                 hint = "call it by what it means to any product; the product belongs into the description"
                 where = pointer("tools", index, "input_schema", "properties", name)
@@ -141,6 +142,19 @@ def _words_of(lines: list[tuple[str, str]]) -> set[str]:
     """The words of lines of a device's text and the first two as one, without what stands for a number."""
     rows = [re.findall(r"[a-z0-9]+(?!>)\b", line.casefold()) for _, line in lines]
     return {word for row in rows for word in (*row, "".join(row[:2]))}
+
+
+def _coined(lines: list[tuple[str, str]]) -> set[str]:
+    """The words of product strings that were made for it: with a digit or a capital inside, or all in capitals."""
+    found: set[str] = set()
+    for _, line in lines:
+        given = re.findall(r"[A-Za-z0-9]+(?!>)\b", line)
+        loud = {word for word in given if len(word) > 3 and word.isupper() and word.isalpha()}
+        found |= {word for word in given if _INSIDE.search(word)} | (loud if len(loud) < len(given) else set())
+    return {word.casefold() for word in found}
+
+
+_INSIDE = re.compile(r"[a-z][A-Z]|[A-Za-z]\d|\d[A-Za-z]")
 
 
 def _is_own(word: str) -> bool:

@@ -201,6 +201,8 @@ _LETTERS: dict[str, tuple[str, frozenset[str]]] = {
     "mv": ("mV", frozenset({"voltage", "supply"}) | _HEAT),
     "ma": ("mA", frozenset({"current"})),
     "mw": ("mW", frozenset({"power"})),
+    "mc": ("mdegC", _HEAT),
+    "mdegc": ("mdegC", _HEAT),
 }
 """Short units at the end of a name, each with the quantities beside which they are one: `phase_c` is none."""
 _SCALED: dict[str, str] = {
@@ -219,23 +221,62 @@ _SIZES = {
 _TIMES = {
     f"{prefix}second{plural}": f"{prefix}second" for prefix in ("", "milli", "micro", "nano") for plural in ("", "s")
 }
-_MILLI_OF = re.compile(r"millidegrees? (?:c|celsius)\b")
+_SHORT_TIMES = {"s": "second", "sec": "second", "secs": "second", "ms": "millisecond", "us": "microsecond"}
+_MILLI_OF = re.compile(r"(?:millidegrees?|thousandths? of (?:a )?degrees?) (?:c|celsius)\b")
 
 
 def _disagree(name: str, description: Any) -> bool:
     """Whether the description gives the number units, and that of its name is none of them."""
     text = _MILLI_OF.sub("millidegrees", description.casefold()) if isinstance(description, str) else ""
-    lines = [word for word in re.findall(r"[a-z]+", text)]
+    lines = [each[1] for each in re.finditer(r"(?<![\d.])(?<!\d )([a-z]+)", text)]
     parts, last = tokens(name), name.casefold().rpartition("_")[2]
     for table in (_SIZES, _TIMES):
-        if last in table:
+        own_size = table.get(last) or (_SHORT_TIMES.get(last) if table is _TIMES and len(parts) > 1 else None)
+        if own_size is not None:
             other = {table[word] for word in lines if word in table}
-            return bool(other) and table[last] not in other
+            return bool(other) and own_size not in other
     letter = _LETTERS.get(last)
     own = _SCALED.get(last) or (letter[0] if letter and letter[1].intersection(parts) else unit_of_name(name))
     whole = unit_in(text)
     names = {_SCALED[word] for word in lines if word in _SCALED} | ({whole} if whole is not None else set())
+    names |= {each[1] for each in _STATED.finditer(description if isinstance(description, str) else "")}
     return own is not None and bool(names) and own not in names
+
+
+_STATED = re.compile(r"\b[Ii]n ((?:[mµuk]?[VAW]))\b(?!-)")
+_SHARE = re.compile(r"(?<![\d.])0(?:\.0+)? ?(?:to|\.\.+|-|–) ?1(?:\.0+)?(?![\d.]\d|\d|%| percent)|\bfraction\b")
+_PERCENT = frozenset({"percent", "percentage", "pct"})
+_OFF, _ON = frozenset({"off", "disable", "disabled"}), frozenset({"on", "enable", "enabled"})
+
+
+def _is_other_share(name: str, member: Mapping[str, Any]) -> bool:
+    """Whether a percentage is a fraction by its words or its range, or a fraction a percentage."""
+    spoken, words, most = set(tokens(name)), str(member.get("description", "")).casefold(), member.get("maximum")
+    number = most if isinstance(most, int | float) and not isinstance(most, bool) else None
+    if spoken & _PERCENT:
+        wide = number is None or number > 1
+        return bool(_SHARE.search(words)) or (not wide and member.get("minimum") == 0 and not _is_tiny(words))
+    return spoken & {"fraction"} != set() and number is not None and number > 1
+
+
+def _is_tiny(words: str) -> bool:
+    return "at most" in words or "up to" in words
+
+
+def _turned(name: str, description: Any) -> bool:
+    """Whether a switch is called off and its words call it on where it is true, or the other way round."""
+    found = re.search(r"\btrue\b[^.;,]{0,30}?\b(on|enables?|off|disables?)\b", str(description or "").casefold())
+    spoken = set(tokens(name))
+    if found is None or re.search(r"\b(?:not|no|never)\b", found[0]) or bool(spoken & _OFF) is bool(spoken & _ON):
+        return False
+    return bool(spoken & _OFF) is found[1].startswith(("on", "enable"))
+
+
+def _is_contradicted(name: str, member: Any) -> bool:
+    said = member.get("description") if isinstance(member, Mapping) else None
+    if _is_number(member):
+        return _disagree(name, said) or _is_other_share(name, member)
+    return isinstance(member, Mapping) and member.get("type") == "boolean" and _turned(name, said)
 
 
 def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -245,8 +286,7 @@ def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tupl
     members = schema.get("properties")
     for name, member in members.items() if isinstance(members, Mapping) else ():
         place = (*where, "properties", str(name))
-        if _is_number(member) and _disagree(str(name), member.get("description")):
-            yield place, str(name)
+        yield from [(place, str(name))] if _is_contradicted(str(name), member) else ()
         yield from unit_against_name(member, place)
     for part in ("items", "additionalProperties"):
         yield from unit_against_name(schema.get(part), (*where, part))
@@ -415,13 +455,22 @@ def result_without_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
             hint = "write the bounds of the attribute, or none where neither IDENTIFY nor PROBE shows them"
             place = pointer("tools", index, "output_schema", *where)
             out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
-        for where, name in unit_against_name(tool.get("output_schema")):
-            member = f"the {display(name)} of {display(tool['name'])}"
-            summary = f"{member} has one unit by its name and another by its words"
-            place = pointer("tools", index, "output_schema", *where)
-            out.append(
-                error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint="give one unit, the one of the value")
-            )
+    return out + unit_contradicted(value)
+
+
+def unit_contradicted(value: JsonObject) -> list[Diagnostic]:
+    """A number, taken or returned, has one unit by its name, its words and its range, and a switch one sense."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        for part in ("input_schema", "output_schema"):
+            for where, name in unit_against_name(tool.get(part)):
+                summary = (
+                    f"the {display(name)} of {display(tool['name'])} has one unit or sense by its name and another "
+                )
+                summary += "by its words or its range"
+                place = pointer("tools", index, part, *where)
+                hint = "give one unit, the one of the value; what is called off is true where it is off"
+                out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
     return out
 
 
