@@ -84,3 +84,19 @@ def is_proper(word: str, name: str) -> bool:
 def _folded(word: str) -> str:
     """A word without the ending of a plural; what ends in double s is none."""
     return word[:-1] if len(word) > 3 and word.endswith("s") and not word.endswith("ss") else word
+
+
+def is_misspelt(name: str, other: str) -> bool:
+    """Whether two names of packages differ by their separators alone, or by one letter in a long word."""
+    one, two = (re.sub(r"[-_.]", "", each) for each in (name, other))
+    if one == two:
+        return True
+    short, long = sorted((one, two), key=len)
+    if len(short) < _SPELT_LONG or len(long) - len(short) > 1:
+        return False
+    at = next((place for place, pair in enumerate(zip(short, long, strict=False)) if pair[0] != pair[1]), len(short))
+    changed = long[at : at + 1] + ("" if len(long) > len(short) else short[at : at + 1])
+    return long[at + 1 :] == short[at + (len(long) == len(short)) :] and not changed.isdigit()
+
+
+_SPELT_LONG = 5

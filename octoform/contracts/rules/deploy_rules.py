@@ -9,6 +9,7 @@ from collections.abc import Collection, Mapping
 from octoform.base.escaping import display, escaped, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_words import is_misspelt
 from octoform.contracts.rules.serve.code_rules import is_standard, programs_of
 from octoform.contracts.rules.text_rules import in_values
 from octoform.contracts.server_code.script_header import (
@@ -275,24 +276,26 @@ _INSTALLERS = frozenset({"pip", "setuptools", "wheel", "uv", "virtualenv", "pipe
 
 
 def requirement_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A requirement provides an import, or states what it is there for; the name of a module alone states an import."""
+    """A requirement provides an import, or states what it is there for, and is not spelt almost as one that does.
+
+    The name of a module alone states an import.
+    """
+    used = {normalised(each["provided_by"]) for each in value["imports"]}
     declared = declared_names(artifacts.serve or "")
-    used = {normalised(item["provided_by"]) for item in value["imports"]}
-    return [
-        error(
-            "DEPLOY-REQUIREMENT-UNUSED",
-            f"{display(item['name'])} provides no import and gives no reason why it is required",
-            pointer=pointer("requirements", index),
-            hint="take it out, or write its purpose into `why`",
-        )
-        for index, item in enumerate(value["requirements"])
-        if normalised(item["name"]) not in used
-        and (
-            normalised(item["name"]) in _INSTALLERS
-            or not item.get("why", "").strip()
-            or (item["why"].strip().replace(".", "_").isidentifier() and normalised(item["name"]) not in declared)
-        )
-    ]
+    out = []
+    for index, item in enumerate(value["requirements"]):
+        name, why = normalised(item["name"]), item.get("why", "").strip()
+        alike = sorted(each for each in used | declared if name not in used | declared and is_misspelt(name, each))
+        a_module = why.replace(".", "_").isidentifier() and name not in declared
+        if name not in used and (name in _INSTALLERS or not why or a_module):
+            what = "provides no import and gives no reason why it is required"
+        elif alike:
+            what = f"provides no import and is spelt almost as {display(alike[0])} is"
+        else:
+            continue
+        where, hint = pointer("requirements", index), "take it out, or write its purpose into `why`"
+        out.append(error("DEPLOY-REQUIREMENT-UNUSED", f"{display(item['name'])} {what}", pointer=where, hint=hint))
+    return out
 
 
 def program_unlisted(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:

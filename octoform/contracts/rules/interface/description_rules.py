@@ -42,8 +42,9 @@ _CALLS = re.compile(
 """An order to call something whose name can only be that of a tool."""
 _SENDS_AWAY = re.compile(
     r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
-    r"\b(?:(?:e-?mails|uploads?) (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?|streams?"
-    r"|sends?|shares?|forwards?|synchroni[sz]es?)\b[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?|e-?mail|mqtt"
+    r"\b(?:(?:e-?mails|uploads?) (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?"
+    r"|streams?|sends?|shares?|forwards?|synchroni[sz]es?)\b[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?"
+    r"|e-?mail|mqtt"
     r"|social media|online|vendor'?s?|remote (?:server|host|service|endpoint|storage))\b)",
     re.IGNORECASE,
 )
