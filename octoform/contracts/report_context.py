@@ -4,6 +4,7 @@ A report may rest on nothing else. So the facts are made from the input's own do
 does not exist for the report. (Light.)
 """
 
+import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -23,7 +24,7 @@ class DutyFacts:
     """The input of one duty, in its own words: ``readings`` and ``failures`` as rows with an ``id``, oldest first.
 
     ``claims`` are those in force. ``frames`` are the pictures that were given. ``error``, ``target``, ``tool`` and
-    ``functions`` (the names that are that tool's alone) are of HEAL and empty for WATCH.
+    ``functions`` (the names that are that tool's alone) are of HEAL and empty for WATCH. ``text`` is all of the input.
     """
 
     readings: tuple[Row, ...] = ()
@@ -35,6 +36,7 @@ class DutyFacts:
     target: str | None = None
     tool: str | None = None
     functions: tuple[str, ...] = ()
+    text: str = ""
 
     @classmethod
     def of(cls, document: Row) -> "DutyFacts":
@@ -51,6 +53,7 @@ class DutyFacts:
             target=document.get("target"),
             tool=tool.get("name") if isinstance(tool, Mapping) else tool,
             functions=tuple(document.get("functions") or ()),
+            text=json.dumps(document, default=str, ensure_ascii=False),
         )
 
     def reading(self, identity: str) -> Row | None:

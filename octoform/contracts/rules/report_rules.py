@@ -197,7 +197,7 @@ def orders(code: str) -> RuleCheck:
 
     def check(value: Any, _: Artifacts) -> Found:
         found = []
-        for where, text in _prose(value, ""):
+        for where, text in prose_of(value, ""):
             hit = _ORDERS.search(text)
             if hit is not None:
                 hint = "describe what is wrong and what would be right; name no command and no address"
@@ -258,17 +258,17 @@ def _names(tools: list[JsonObject]) -> list[str]:
     return [item["name"] for item in tools]
 
 
-def _prose(value: Any, where: str) -> Iterator[tuple[str, str]]:
+def prose_of(value: Any, where: str) -> Iterator[tuple[str, str]]:
     """(pointer, text) of every member that is prose."""
     if isinstance(value, dict):
         for name, item in value.items():
             place = where + pointer(name)
             if name in _WORDS and isinstance(item, str):
                 yield place, item
-            yield from _prose(item, place)
+            yield from prose_of(item, place)
     elif isinstance(value, list):
         for index, item in enumerate(value):
-            yield from _prose(item, where + pointer(index))
+            yield from prose_of(item, where + pointer(index))
 
 
 # Rules for what a report claims: a condition that readings bear out now, and that the next one can refute.

@@ -1,5 +1,6 @@
 """Rules for WATCH: health is claimed only where everything reports, and a problem only where something shows it."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -14,6 +15,27 @@ from octoform.diagnostics import error
 
 _GRAVE = ("error", "down")
 _CALLED = (LOG, SENSOR)
+
+
+_TOOL = re.compile(
+    r"\btool [`'\"]?([a-z]+(?:_[a-z0-9]+)+)|\b([a-z]+(?:_[a-z0-9]+)+)[`'\"]? (?:(?:also )?fail(?:s|ed)|tool)\b"
+)
+"""A name with an underscore that a sentence calls a tool."""
+
+
+def unknown_name(value: JsonObject, artifacts: Artifacts) -> Found:
+    """Tools, devices and units exist, also those that are named in a sentence."""
+    text, tools = facts_of(artifacts).text, report_rules.known_tools(artifacts)
+    found = report_rules.unknown_name("WATCH-UNKNOWN-NAME")(value, artifacts)
+    for where, words in report_rules.prose_of(value, "") if text else ():
+        # What fails in the words of an error may be a function of a library.
+        named = [one or two for one, two in _TOOL.findall(words) if one or where == "/summary"]
+        for name in dict.fromkeys(named):
+            if name not in tools and name not in text:
+                hint = f"its tools are {listed(tools)}"
+                summary = f"there is no tool {display(name)}"
+                found.append(error("WATCH-UNKNOWN-NAME", summary, pointer=where, hint=hint))
+    return found
 
 
 def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
@@ -80,6 +102,38 @@ def class_unproved(value: JsonObject, artifacts: Artifacts) -> Found:
         if problem is not None:
             where = pointer("errors", index, "class")
             found.append(error("WATCH-CLASS-UNPROVED", problem[0], pointer=where, hint=problem[1]))
+    for index, claim in enumerate(value["claims"]):
+        channels = _CHANNELS.get(claim["fault"], ())
+        if channels and claim["signal"]["channel"] not in channels:
+            summary = f"a signal of the channel {claim['signal']['channel']} does not show the fault {claim['fault']}"
+            hint = f"write none; {claim['fault']} is shown by {' or '.join(channels)}"
+            found.append(error("WATCH-CLASS-UNPROVED", summary, pointer=pointer("claims", index, "fault"), hint=hint))
+    return found
+
+
+_CHANNELS = {
+    "dead_process": (PROCESS,),
+    "corrupted_file": (LOG, PROCESS),
+    "dependency": (LOG, PROCESS),
+    "device_moved": (LOG, KERNEL),
+}
+"""The channels of which a signal can show a fault of each class."""
+_OF_CODE = frozenset({"AttributeError", "NameError", "TypeError", "KeyError", "IndexError", "ZeroDivisionError"})
+"""Exceptions of code that could be read, with its device found."""
+
+
+def error_twice(value: JsonObject, _: Artifacts) -> Found:
+    """One problem is one error: no two are about the same tool and device and rest on the same failure."""
+    found, first = [], dict[tuple[Any, ...], int]()
+    for index, item in enumerate(value["errors"]):
+        for identity in item["cites"]:
+            before = first.setdefault((item["tool"], item["device"], identity), index)
+            if before != index:
+                summary = f"it is about the same as errors[{before}], and rests on {display(identity)} too"
+                hint = "write one error, of the first class that the evidence supports"
+                where = pointer("errors", index)
+                found.append(error("WATCH-ERROR-TWICE", summary, pointer=where, hint=hint))
+                break
     return found
 
 
@@ -88,6 +142,9 @@ def _unproved(item: JsonObject, facts: DutyFacts) -> tuple[str, str] | None:
     there = facts.newest_value((KERNEL, device, "/there")) if device is not None else None
     if kind == "dead_process" and not _dead(item, facts):
         return "no newest reading of the process shows that it is dead", "cite that reading, or take another class"
+    shown = {str(row.get("error")) for row in facts.failures if row["id"] in item["cites"]}
+    if kind in ("corrupted_file", "device_moved") and shown and shown <= _OF_CODE:
+        return f"{listed(sorted(shown))} shows that the code ran and was wrong", "write broken_tool, dependency or none"
     if kind == "device_moved" and device is None:
         return "no device is named that moved", "name it, or take another class"
     if kind == "device_moved" and there is False:
@@ -176,7 +233,24 @@ def physical_state(value: JsonObject, artifacts: Artifacts) -> Found:
         found.append(("it is not available, and no reason is given", "/physical_state/reason", "give the reason"))
     if not state["available"]:
         found += _on_frames(value, facts)
+        found += [
+            (
+                f"it is not available, and {display(seen[0])} is reported",
+                where,
+                "report what readings show, and no place",
+            )
+            for where, text in report_rules.prose_of(value, "")
+            if not facts.frames and (seen := _SEEN.search(text))
+        ]
     return [error("WATCH-PHYSICAL-STATE", summary, pointer=where, hint=hint) for summary, where, hint in found]
+
+
+_SEEN = re.compile(
+    r"\b(?:camera|picture|frame|image|photo)s? (?:now )?(?:shows?|sees?)\b(?! (?:nothing|no\b))|\b(?:is|are) visible\b"
+    r"|\bcan be seen\b|\b(?:has|have) moved (?:to|towards?|left|right|up|down|away)\b",
+    re.IGNORECASE,
+)
+"""What only a picture shows."""
 
 
 def _on_frames(value: JsonObject, facts: DutyFacts) -> Iterator[tuple[str, str, str]]:
@@ -191,11 +265,12 @@ def _on_frames(value: JsonObject, facts: DutyFacts) -> Iterator[tuple[str, str, 
 RULES = (
     Rule("WATCH-UNESCAPED-TEXT", text_rules.in_values("WATCH-UNESCAPED-TEXT")),
     Rule("WATCH-UNKNOWN-READING", report_rules.unknown_reading("WATCH-UNKNOWN-READING")),
-    Rule("WATCH-UNKNOWN-NAME", report_rules.unknown_name("WATCH-UNKNOWN-NAME")),
+    Rule("WATCH-UNKNOWN-NAME", unknown_name),
     Rule("WATCH-CITES-ELSEWHERE", report_rules.cites_elsewhere("WATCH-CITES-ELSEWHERE")),
     Rule("WATCH-STATUS-CONTRADICTS", status_contradicts),
     Rule("WATCH-HEALTH-UNCOVERED", health_uncovered),
     Rule("WATCH-CLASS-UNPROVED", class_unproved),
+    Rule("WATCH-ERROR-TWICE", error_twice),
     Rule("WATCH-FAILURE-PASSED-OVER", failure_passed_over),
     Rule("WATCH-PHYSICAL-STATE", physical_state),
     Rule("WATCH-DECLARATION-UNPROVED", declaration_unproved),

@@ -105,6 +105,15 @@ WATCH_CASES: list[tuple[str, Change]] = [
     ("WATCH-CLASS-UNPROVED", only(tool=None, device=None)),
     ("WATCH-CLASS-UNPROVED", only(tool=None, cites=["r4"])),
     ("WATCH-CLASS-UNPROVED", only(cites=["r4"])),
+    ("WATCH-CLASS-UNPROVED", only(**{"class": "corrupted_file"})),
+    ("WATCH-CLASS-UNPROVED", only(**{"class": "device_moved"})),
+    ("WATCH-CLASS-UNPROVED", claim(fault="dead_process")),
+    ("WATCH-CLASS-UNPROVED", claim(fault="dependency")),
+    ("WATCH-ERROR-TWICE", lambda value: value.update(errors=[ERROR, {**ERROR, "class": "none"}])),
+    ("WATCH-UNKNOWN-NAME", only(message="The tool read_lidar fails in the same way.")),
+    ("WATCH-UNKNOWN-NAME", put("summary", "read_lidar also failed since 09:40.")),
+    ("WATCH-PHYSICAL-STATE", put("summary", "The camera shows a black picture since 09:40.")),
+    ("WATCH-PHYSICAL-STATE", put("summary", "The arm has moved to the left; its tool fails.")),
     ("WATCH-FAILURE-PASSED-OVER", only(tool="read_joints", device=ARM, cites=["r7"])),
     ("WATCH-DECLARATION-UNPROVED", put("declarations", [declaration("r6")])),
     ("WATCH-DECLARATION-UNPROVED", put("declarations", [declaration("r5")])),
@@ -135,6 +144,30 @@ HEAL_CASES: list[tuple[str, Change]] = [
     ("HEAL-UNEXPLAINED", put("cites", ["r5"])),
     ("HEAL-UNEXPLAINED", put("cites", [])),
 ]
+
+
+UNUSUAL: list[tuple[str, Change]] = [
+    ("watch", put("summary", "L'outil de la cam\u00e9ra \u00e9choue depuis 09:40 ; le coude est chaud.")),
+    ("watch", only(suggested_fix="Use get_frame, as the library's version has it.")),
+    ("watch", only(message="It asks for grab_frame, which the library does not have; get_frame fails as well.")),
+    ("watch", only(**{"class": "none"})),
+    ("watch", only(**{"class": "dependency"})),
+    ("watch", only(tool=None)),
+    ("watch", put("summary", "The camera's tool gives no picture since 09:40. Whether the arm has moved is unknown.")),
+    ("watch", claim(restrictions=[])),
+    ("watch", claim(condition={"op": ">", "value": 69.5})),
+    ("watch", claim(restrictions=[{**restriction("move_joint", joint="elbow"), "effect": "confirm"}])),
+    ("heal", lambda value: value.update(status="failed", action="none", server=None, functions=[])),
+    ("heal", put("functions", ["_grab", "capture_image"])),
+    ("heal", put("reason", "Zeile 12 ruft einen Namen auf, den die Bibliothek nicht mehr hat.")),
+]
+
+
+@pytest.mark.parametrize(("duty", "change"), UNUSUAL)
+def test_a_right_report_in_unusual_words_is_accepted(duty: str, change: Change) -> None:
+    value = report(duty)
+    change(value)
+    assert codes(duty, value) == set()
 
 
 @pytest.mark.parametrize("duty", ["watch", "heal"])
