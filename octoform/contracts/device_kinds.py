@@ -137,11 +137,19 @@ INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
 """Where PROBE records which kinds of input a device sends, no other follows from its class."""
 
 
+_CAPTURES = re.compile(r"(?m)^video4linux\[\d+\]\.udev\.ID_V4L_CAPABILITIES: (.*)$")
+"""What udev found that a node of a camera can do; a node of metadata can do nothing."""
+
+
 def visible_kinds(entry: JsonObject) -> frozenset[str]:
     """The kernel's classes of a PROBE device, and the classes of its USB interfaces that have a standard way."""
     raw = str(entry.get("raw_descriptor", ""))
+    shows = _CAPTURES.findall(raw)
+    silent = {"video4linux"} if shows and not any("capture" in each or "output" in each for each in shows) else set()
     found = {f"usb-{code}" for code in {"".join(pair) for pair in _USB_CLASS.findall(raw)} & _USB_WAYS}
-    return frozenset(entry.get("classes", ())) | found | ({_VISION} if _USB_VISION.search(raw) else frozenset())
+    return (
+        (frozenset(entry.get("classes", ())) - silent) | found | ({_VISION} if _USB_VISION.search(raw) else frozenset())
+    )
 
 
 def measures(entry: JsonObject, word: str) -> bool:

@@ -1,10 +1,35 @@
-"""Devices that IDENTIFY puts into a class of another kind, and right classes in unusual words."""
+"""Classes and facts that PROBE does not bear out, devices merged, split and exchanged, and right ones in unusual words.
+
+Each set was written before anybody looked at what the rules say of it, and then stayed.
+"""
 
 from typing import Any
 
 import identify_cases as identify
-from identify_cases import ENV, GPIO, LEDS, LIGHT
-from probe_cases import ARM, BATTERY, CAMERA, CHIP, DISK, KESTREL, KEYS, LINE, SOUND, STEPPER, WIFI
+import probe_cases as probe
+import wrong_deploys as deploy
+from identify_cases import BOARD, ENV, GPIO, LEDS, LIGHT, called, more, out, put
+from probe_cases import (
+    ARM,
+    BATTERY,
+    CAMERA,
+    CHIP,
+    DISK,
+    HEAT,
+    KESTREL,
+    KEYS,
+    LINE,
+    LINE_2,
+    MONITOR,
+    MOUSE,
+    PAD,
+    RAIL,
+    SOUND,
+    STEPPER,
+    TWIN,
+    WIFI,
+)
+from unseen_cases import every
 
 
 def of_class(where: str, device: str, name: str) -> tuple[str, Any]:
@@ -47,4 +72,216 @@ IDENTIFY_RIGHT: dict[str, tuple[str, Any]] = {
         ("laptop", KESTREL, "video"),
         ("bench", LINE, "serial"),
     ]
+}
+
+
+def fact(device: str, ability: str, **parameters: Any) -> Any:
+    """Other parameters of a capability."""
+    return lambda value: identify.ability(value, device, ability).setdefault("parameters", {}).update(parameters)
+
+
+def channel(device: str, ability: str, **members: Any) -> Any:
+    """Other members of the first channel of a capability."""
+    return lambda value: identify.ability(value, device, ability)["parameters"]["channels"][0].update(members)
+
+
+def steps(**members: Any) -> Any:
+    """Other members of the parameter of the rail's first command."""
+    return lambda value: identify.ability(value, RAIL, "rail_move_x")["parameters"]["steps"].update(members)
+
+
+METADATA = "video4linux-kestrel-hd-camera-kestrel-hd-c"
+IDENTIFY_WRONG |= {
+    f"fact: {name}": case
+    for name, case in {
+        "evidence of its neighbour": ("bench", called(LINE, "Heron Stepper", "product: Heron Stepper <serial>")),
+        "a revision as a proof": (
+            "laptop",
+            called(KESTREL, "Kestrel 4K camera", "product: Kestrel HD Camera", "revision: 0102 => the 4K version"),
+        ),
+        "a channel beside the last": ("raspberry", channel(ENV, "read_temperature", channel="in_temp2")),
+        "channels from zero": ("server", channel(MONITOR, "read_fan_speed", channel="fan0")),
+        "channels by their names alone": ("raspberry", fact(ENV, "read_pressure", channels=["in_pressure", "in_gas"])),
+        "the fans of a usual board": ("server", fact(MONITOR, "read_fan_speed", fans=["CPU fan", "rear fan"])),
+        "a battery's heat": ("laptop", more(BATTERY, "read_temperature", description="Read how warm it is.")),
+        "a battery's current": ("laptop", more(BATTERY, "read_current", description="Read the current in mA.")),
+        "a chip without a fan": ("laptop", more(CHIP, "read_fan_speed", description="Read the fan.", via="hwmon")),
+        "fewer lines than there are": ("raspberry", fact(GPIO, "read_gpio_lines", lines=28)),
+        "the usual range of a light": ("laptop", fact(LIGHT, "set_brightness", range="0 to 255")),
+        "a rate and a depth of the usual card": ("laptop", fact(SOUND, "record_audio", rate_hz=192000, bit_depth=24)),
+        "a picture of what has none": (
+            "laptop",
+            more(METADATA, "capture_image", description="Take one picture.", via="OpenCV"),
+        ),
+        "wider than its profile": ("rig", steps(maximum=20000)),
+        "below its profile": ("rig", steps(minimum=-2001)),
+        "in millimetres": ("rig", steps(unit="mm")),
+        "a command less": ("rig", lambda value: identify.device(value, RAIL)["capabilities"].pop(1)),
+        "a keyboard that is a way to the touch pad": ("laptop", out(KEYS, "duplicate_path")),
+        "a disk that is a way to its twin": ("server", out(TWIN, "duplicate_path")),
+        "a sound card that wants a password": ("laptop", out(SOUND, "no_credentials")),
+        "a battery that wants a password": ("laptop", out(BATTERY, "no_credentials")),
+        "what watches": ("laptop", called(KESTREL, "Kestrel HD \u00dcberwachungskamera", "product: Kestrel HD Camera")),
+        "sure of what was not read": (
+            "raspberry",
+            put("w1-family-28", identified_as="DS18B20 temperature sensor", confidence=1.0),
+        ),
+        "unknown, and a camera": ("bench", put(LINE, **{"class": "camera"})),
+        "unknown, and a robot": ("bench", put(LINE_2, **{"class": "robot"})),
+        "unknown, and a disk": ("bench", put(LINE, **{"class": "disk"})),
+    }.items()
+}
+IDENTIFY_RIGHT |= {
+    f"fact: {name}": case
+    for name, case in {
+        "a camera in Spanish": (
+            "laptop",
+            called(
+                KESTREL, "c\u00e1mara Kestrel HD", "product: Kestrel HD Camera => c\u00e1mara is Spanish for camera"
+            ),
+        ),
+        "a lamp of a key": ("laptop", more(KEYS, "read_led", description="Read whether its light is on.", via="leds")),
+        "a battery by all its strings": (
+            "laptop",
+            called(
+                BATTERY,
+                "Reed Cells RC-57 Li-ion battery",
+                "power_supply[0].manufacturer: Reed Cells",
+                "power_supply[0].model_name: RC-57",
+                "technology: Li-ion",
+            ),
+        ),
+        "a voltage of a battery": ("laptop", more(BATTERY, "read_voltage", description="Read its voltage.")),
+        "steps that are shown": ("laptop", fact(LIGHT, "set_brightness", range="0 to 1500", steps=1500)),
+        "a range of percent": ("laptop", fact(LIGHT, "set_brightness", range="0 to 100 percent")),
+        "lines that are shown": ("raspberry", fact(GPIO, "read_gpio_lines", lines=58, labels=["pinctrl-soc2711"])),
+        "rates that are asked for": ("laptop", fact(SOUND, "record_audio", rates="asked at every call")),
+        "channels by their names alone": ("raspberry", fact(ENV, "read_pressure", channels=["in_pressure"])),
+        "narrower than its profile": ("rig", steps(minimum=-500, maximum=500)),
+        "a board": (
+            "laptop",
+            called(BOARD, "Marsh Computing Heron 14", "dmi[0].sys_vendor: Marsh Computing", "product_name: Heron 14"),
+        ),
+        "unknown, and a serial line": ("bench", put(LINE, **{"class": "serial_adapter"})),
+        "unknown, and unknown": ("bench", put(LINE, **{"class": "unknown"})),
+        "unknown, and a converter": ("bench", put(LINE, **{"class": "usb_serial_converter"})),
+    }.items()
+}
+
+
+def exchanged(value: Any) -> None:
+    """The places of two equal adapters, the one's at the other."""
+    one, two = probe.found(value, LINE), probe.found(value, LINE_2)
+    one["instance"], two["instance"] = two["instance"], one["instance"]
+
+
+PROBE_WRONG: dict[str, tuple[str, Any]] = {
+    f"part: {name}": case
+    for name, case in {
+        "twins with each other's places": ("bench", exchanged),
+        "a disk of round gigabytes": ("laptop", probe.place(DISK, size_bytes=512_000_000_000)),
+        "the monitor apart from its card": (
+            "laptop",
+            probe.add("drm-reed-panel", "Reed Panel", "drm", "monitor: Reed Panel\nmonitor_vendor: MER"),
+        ),
+        "the codec apart from its card": (
+            "laptop",
+            probe.add("hdaudio-marsh-mr245", "Marsh MR245", "hdaudio", "codec: Marsh MR245"),
+        ),
+        "two adapters as one, with a count": ("bench", every(probe.drop(LINE_2), probe.place(LINE, count=2))),
+        "a touch pad as a touch screen": ("laptop", probe.spelt(PAD, "kinds: touchpad", "kinds: touchscreen")),
+        "a mouse on the bus of its receiver": ("bench", probe.put(MOUSE, interface="usb")),
+        "a wireless mouse that is near": ("bench", probe.put(MOUSE, context=True)),
+        "another chemistry": ("laptop", probe.spelt(BATTERY, "Li-ion", "Li-poly")),
+        "a label in better words": ("laptop", probe.spelt(CHIP, "Package id 0", "CPU Package")),
+        "numbers in decimal": ("laptop", probe.put(KESTREL, vid="7580")),
+        "numbers byte by byte the wrong way round": ("laptop", probe.put(KESTREL, vid="9c1d")),
+        "the newest kernel": ("laptop", probe.platform(kernel="6.8.0-45-generic")),
+        "fewer lines than there are": ("raspberry", probe.spelt(GPIO, "ngpio: 58", "ngpio: 54")),
+        "a light that is on or off": ("raspberry", probe.spelt(LEDS, "max_brightness: 255", "max_brightness: 1")),
+        "a radio that it should have": ("laptop", probe.put(WIFI, classes=["net", "bluetooth"])),
+        "fans from zero": (
+            "server",
+            every(
+                probe.spelt(MONITOR, "fan1: input label=CPU fan", "fan0: input label=CPU fan"),
+                probe.spelt(MONITOR, "fan2: input", "fan1: input"),
+            ),
+        ),
+        "a label of another channel": (
+            "server",
+            probe.spelt(HEAT, "temp1: input label=Tctl", "temp1: input label=Tdie"),
+        ),
+    }.items()
+}
+PROBE_RIGHT: dict[str, tuple[str, Any]] = {
+    f"part: {name}": case
+    for name, case in {
+        "keys of the udev database": ("laptop", probe.line(KESTREL, "ID_VENDOR_ID=1d9c", "ID_MODEL_ID=0c14")),
+        "the interface's driver alone": ("laptop", probe.put(KESTREL, drivers=["uvcvideo"])),
+        "without the names of readings": ("laptop", probe.drop_lines(BATTERY, "power_supply[0].readings")),
+        "lines in another order": (
+            "laptop",
+            lambda value: [
+                each.update(raw_descriptor="\n".join(reversed(each["raw_descriptor"].splitlines())))
+                for each in value["devices"]
+            ],
+        ),
+        "an instance of the serial number alone": (
+            "laptop",
+            lambda value: probe.found(value, KESTREL).update(instance={"serial": "KO-200417"}),
+        ),
+        "numbers with a prefix": ("laptop", probe.spelt(KESTREL, "vendor_id: 1d9c", "vendor_id: 0x1d9c")),
+        "both nodes of a camera as one": ("laptop", probe.drop(METADATA)),
+        "the size of a disk": ("laptop", probe.place(DISK, size_bytes=512_110_190_592)),
+        "a count with another key": ("raspberry", probe.line(GPIO, "gpio ngpio: 58")),
+    }.items()
+}
+
+
+def called_otherwise(index: int, name: str) -> Any:
+    """Another name of a requirement and of what provides its module."""
+    return deploy.both(lambda value: value["requirements"][index].update(name=name), deploy.provider(index, name))
+
+
+DEPLOY_WRONG: dict[str, Any] = {
+    f"set: {name}": case
+    for name, case in {
+        "a letter less": called_otherwise(1, "opencv-python-headles"),
+        "a letter more": called_otherwise(3, "numpyy"),
+        "a letter more, beside it": deploy.requires("numpyy", "2.1.0", "numpy, for older code"),
+        "a letter less, beside it": deploy.requires("pyseral", "3.5", "the line"),
+        "another letter, beside it": deploy.requires("pyserlal", "3.5", "the line"),
+        "a separator, beside it": deploy.requires("py-serial", "3.5", "serial, for safety"),
+        "an epoch": deploy.version(0, "1!4.1.2"),
+        "reasons of each other": deploy.both(
+            lambda value: value["requirements"][1].update(why="serial"),
+            lambda value: value["requirements"][2].update(why="cv2"),
+        ),
+        "a Python that is to come": lambda value: value.update(python=">=4"),
+        "an old Python only": lambda value: value.update(python="==3.10.*"),
+        "what installs": deploy.requires("pip", "24.0", "installs the others"),
+        "a module of two providers": deploy.imports("numpy", "opencv-python-headless"),
+        "a module by its package's name": deploy.both(
+            lambda value: value["imports"].pop(1), deploy.imports("opencv-python-headless", "opencv-python-headless")
+        ),
+        "a program that is Python": lambda value: value.update(programs=[{"name": "python3", "package": "python3"}]),
+        "all of it failed": deploy.both(deploy.failed("fastmcp"), lambda value: value["requirements"].pop(0)),
+        "a version before the release": deploy.version(2, "3.5b0"),
+        "a part of the package": lambda value: value["requirements"][0].update(name="fastmcp-slim"),
+    }.items()
+}
+DEPLOY_RIGHT: dict[str, Any] = {
+    f"set: {name}": case
+    for name, case in {
+        "the first of the range": deploy.version(0, "4.1.0"),
+        "a release after it": deploy.version(0, "4.1.2.post1"),
+        "a compatible release": deploy.version(2, "3.5.1"),
+        "a Python without one": lambda value: value.update(python=">=3.11,!=3.13.0"),
+        "one more part of Python": deploy.imports("os", "python"),
+        "what must not be together": lambda value: value.update(conflicts=["numpy 2.0.0 breaks opencv 4.10"]),
+        "a reason in a sentence": lambda value: value["requirements"][1].update(
+            why="cv2 (takes the pictures; the headless build, since nothing shows windows)"
+        ),
+        "a plugin of one": deploy.requires("pyserial-asyncio", "0.6", "a version that pyserial 3.5 works with"),
+    }.items()
 }

@@ -8,7 +8,14 @@ from unit.contracts.contract_samples import READ, SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import MAX_PER_RULE, RULES, check
 from octoform.contracts.rules import probe_host_rules, probe_rules
-from octoform.contracts.rules.identify import annotation_rules, answer_rules, fact_rules, name_rules, prose_rules
+from octoform.contracts.rules.identify import (
+    annotation_rules,
+    answer_rules,
+    channel_rules,
+    fact_rules,
+    name_rules,
+    prose_rules,
+)
 from octoform.diagnostics import Severity
 
 Change = Callable[[dict[str, Any]], Any]
@@ -442,7 +449,8 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    elsewhere = (answer_rules, probe_host_rules, probe_rules, annotation_rules, fact_rules, name_rules, prose_rules)
+    elsewhere = (answer_rules, probe_host_rules, probe_rules, annotation_rules, channel_rules, fact_rules, name_rules)
+    elsewhere = (*elsewhere, prose_rules)
     own_tests = {rule.code for rules in elsewhere for rule in rules.RULES}
     own_tests |= {rule.code for rule in probe_rules.TEXT_RULES}
     own_tests |= {

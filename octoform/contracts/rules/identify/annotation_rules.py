@@ -252,10 +252,12 @@ def _contradicted(
     place = str(entry.get("instance", {}).get("sysfs", ""))
     if reason == "network_neighbour" and not entry.get("context") and _ATTACHED.search(place):
         return f"it on {entry['interface']}, without context", annotate
-    twins = [other["id"] for other in kept if entry["interface"] == "usb" and _numbers(other) == _numbers(entry)]
+    twins = [other["id"] for other in kept if entry.get("vid") and _numbers(other) == _numbers(entry)]
     if reason == "duplicate_path" and twins and all(_apart(entry, other) for other in kept if other["id"] in twins):
         return f"a port of its own for it, as for its twin {twins[0]}", "add it to devices as its twin is"
     text = f"{entry['name']}\n{entry['raw_descriptor']}"
+    if reason == "no_credentials" and evident and not entry.get("context") and _ATTACHED.search(place):
+        return f"{listed(evident)} of it, which asks for none", annotate
     if reason == "virtual" and entry["interface"] == "usb" and not _UNREAL.search(text):
         return "it plugged into usb", annotate
     evident += ["input"] if _INPUT_KINDS.search(text) else []
@@ -263,7 +265,8 @@ def _contradicted(
         return None
     if reason == "duplicate_path":
         family = next((each for each in _FAMILIES if each & set(evident)), frozenset(evident))
-        if any(family.intersection(other.get("classes", ())) or _together(entry, other) for other in kept):
+        near = [other for other in kept if family.intersection(other.get("classes", ())) or _together(entry, other)]
+        if any(_together(entry, other) or not family <= _OF_A_UNIT or _named_alike(entry, other) for other in near):
             return None
     return f"{listed(evident)} of it", annotate
 
@@ -272,13 +275,26 @@ def _together(entry: JsonObject, other: JsonObject) -> bool:
     """Whether two entries are one piece of hardware: the same numbers, or one below the other."""
     one, two = (str(each.get("instance", {}).get("sysfs", "")) for each in (entry, other))
     below = bool(one and two) and (one.startswith(f"{two}/") or two.startswith(f"{one}/"))
-    return below or (bool(entry.get("vid")) and _numbers(entry) == _numbers(other))
+    return below or (bool(entry.get("vid")) and _numbers(entry) == _numbers(other) and not _apart(entry, other))
 
 
 def _apart(entry: JsonObject, other: JsonObject) -> bool:
-    """Whether two entries are plugged in at different ports of USB."""
+    """Whether two entries are plugged in at different ports of USB, or into different slots of PCI."""
     ports = [str(each.get("instance", {}).get("port", "")) for each in (entry, other)]
-    return all(map(_USB_PORT.fullmatch, ports)) and ports[0] != ports[1]
+    slots = [port.rpartition(".")[0] if _PCI_PORT.fullmatch(port) else port for port in ports]
+    known = all(map(_USB_PORT.fullmatch, ports)) or all(map(_PCI_PORT.fullmatch, ports))
+    return known and slots[0] != slots[1]
+
+
+_PCI_PORT = re.compile(r"[0-9a-f]{4,}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
+_OF_A_UNIT = frozenset({"block", "nvme", "input"})
+"""Classes of which two devices are two things, unless one is below the other or they have one name."""
+
+
+def _named_alike(entry: JsonObject, other: JsonObject) -> bool:
+    one, two = (str(each["name"]).casefold() for each in (entry, other))
+    texts = [str(each["raw_descriptor"]).casefold() for each in (entry, other)]
+    return one in two or two in one or one in texts[1] or two in texts[0]
 
 
 def _numbers(entry: JsonObject) -> tuple[str | None, str | None]:

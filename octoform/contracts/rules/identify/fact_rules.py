@@ -139,7 +139,7 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, device in enumerate(value["devices"]):
         word = str(device.get("class", "")).casefold()
         entry, kind = probed.get(device["id"]), word if word in CLASSES else kind_of(word)
-        if entry is None or kind is None or device["category"] == "unknown" or known_by_a_person(device, artifacts):
+        if entry is None or kind is None or known_by_a_person(device, artifacts):
             continue
         found = word_set(
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]

@@ -13,7 +13,14 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_chip_name, is_filler, same_action, tokens
 from octoform.contracts.name_words import has_digit, word_set, words
 from octoform.contracts.rules import raw_line_rules
-from octoform.contracts.rules.identify import annotation_rules, answer_rules, fact_rules, name_rules, prose_rules
+from octoform.contracts.rules.identify import (
+    annotation_rules,
+    answer_rules,
+    channel_rules,
+    fact_rules,
+    name_rules,
+    prose_rules,
+)
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -326,6 +333,7 @@ RULES = (
     *raw_line_rules.RULES,
     *annotation_rules.RULES,
     *fact_rules.RULES,
+    *channel_rules.RULES,
     *prose_rules.RULES,
     Rule("IDENTIFY-UNESCAPED-TEXT", in_values("IDENTIFY-UNESCAPED-TEXT")),
 )

@@ -1,0 +1,111 @@
+"""Rules for IDENTIFY about the facts that it hands on: channels, counts, readings and the ranges of a profile.
+
+INTERFACE and SERVE see no PROBE. A channel that is not there, fewer lines than there are or a range that is wider than
+the profile's are taken over by them, so each of these is held against what PROBE shows and the profile has.
+"""
+
+import re
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from octoform.base.escaping import display, listed
+from octoform.base.pointer import pointer
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.name_clues import tokens
+from octoform.contracts.rules.identify.annotation_rules import capabilities
+from octoform.contracts.rules.raw_line_rules import known_by_a_person
+from octoform.diagnostics import Diagnostic, error
+
+_CHANNEL = re.compile(r"(?:in|out)_[a-z]+\w*|(?:temp|fan|in|curr|power|humidity|pwm)\d+")
+_SHOWN = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): ")
+_COUNTED = re.compile(r"(?:n?lines?|line_count|num_lines|ngpio|n_?gpios?|max_brightness|max_state)")
+_OF_A_LIGHT = re.compile(r"(?:brightness_)?(?:range|levels|steps|maximum|max)")
+_ASKED = re.compile(r"(?:sample_?)?rates?(?:_hz)?|sampling_rates?|bit_?depths?|sample_formats?")
+_PARTS = re.compile(r"fans|leds|labels|sensors|zones|lights|backlights|rails")
+_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
+_BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
+_READINGS = re.compile(r"(?m)^power_supply\[\d+\]\.readings: (.+)$")
+_SUPPLIED = {"temperature": "temp", "current": "current_", "voltage": "voltage_"}
+"""Quantities of a power supply, each with how its attributes begin (ABI/testing/sysfs-class-power)."""
+
+
+def fact_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A channel, a count and a reading among the facts is one that PROBE shows of the device."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, at, device, capability in capabilities(value):
+        entry = probed.get(device["id"])
+        if entry is None or known_by_a_person(device, artifacts):
+            continue
+        for place, what, has in _differing(capability, entry):
+            summary = f"{display(capability['name'])} of {display(device['id'])} has {what}; PROBE shows {has}"
+            where = pointer("devices", index, "capabilities", at, *place)
+            hint = "copy channels and counts as PROBE has them; leave out what it does not show"
+            out.append(error("IDENTIFY-FACT-DIFFERS", summary, pointer=where, hint=hint))
+    return out
+
+
+def _differing(capability: JsonObject, entry: JsonObject) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    raw = f"{entry['name']}\n{entry['raw_descriptor']}"
+    shown = set(_SHOWN.findall(raw)) - {"name", "label"}
+    numbers, facts = set(_NUMBER.findall(raw)), capability.get("parameters") or {}
+    for name in _channels(facts) if shown else ():
+        if name not in shown and not any(each.startswith(f"{name}_") for each in shown):
+            yield ("parameters",), f"the channel {display(name)}", listed(sorted(shown))
+    for name, fact in facts.items():
+        of_light = "max_brightness" in raw and _OF_A_LIGHT.fullmatch(name)
+        counted = _COUNTED.fullmatch(name) and isinstance(fact, int | str)
+        asked = _ASKED.fullmatch(name) and "sound" in entry.get("classes", ())
+        unsaid = [each for each in _NUMBER.findall(str(fact)) if each not in numbers | {"0", "1"}]
+        if (of_light or counted or asked) and unsaid and not _BY_DEFINITION.search(str(fact)):
+            yield ("parameters", name), f"{listed(unsaid)} as {display(name)}", "no such number"
+    for name in (each for each in facts if _PARTS.fullmatch(each) and isinstance(facts[each], list)):
+        strange = [each for each in facts[name] if isinstance(each, str) and each.casefold() not in raw.casefold()]
+        if strange:
+            yield ("parameters", name), f"{listed(strange)} among its {name}", "none of that name"
+    readings = [each.strip() for line in _READINGS.findall(raw) for each in line.split(",")]
+    alone = {*entry.get("classes", ())} <= {"power_supply"} and bool(readings)
+    for word in {*tokens(capability["name"])} & _SUPPLIED.keys() if alone else ():
+        if not any(each.startswith(_SUPPLIED[word]) for each in readings):
+            yield ("name",), f"a {word}", listed(readings)
+
+
+def _channels(facts: Mapping[str, Any]) -> Iterator[str]:
+    rows = facts.get("channels")
+    for row in rows if isinstance(rows, list) else ():
+        name = row.get("channel") if isinstance(row, Mapping) else row
+        if isinstance(name, str) and _CHANNEL.fullmatch(name):
+            yield name
+
+
+def profile_widened(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A command's parameters are those of the profile: no range is wider, no unit another."""
+    out = []
+    for index, at, device, capability in capabilities(value):
+        facts = artifacts.profiles.get(device.get("profile", ""))
+        commands = facts.commands if facts is not None and device["id"] in facts.holds else ()
+        command: Mapping[str, Any] = next((each for each in commands if each["tool"] == capability["name"]), {})
+        for name, own in (command.get("parameters") or {}).items():
+            given = (capability.get("parameters") or {}).get(name)
+            wrong = _wider(given, own) if isinstance(given, Mapping) and isinstance(own, Mapping) else ""
+            if wrong:
+                summary = f"{display(name)} of {display(capability['name'])} has another {wrong} than the profile "
+                summary += display(device["profile"])
+                where = pointer("devices", index, "capabilities", at, "parameters", name)
+                hint = "copy the parameters of a command from the profile; a range may be narrower"
+                out.append(error("IDENTIFY-PROFILE-WIDENED", summary, pointer=where, hint=hint))
+    return out
+
+
+def _wider(given: Mapping[str, Any], own: Mapping[str, Any]) -> str:
+    """The member in which a parameter goes beyond that of the profile; "" for none."""
+    for name, beyond in (("minimum", -1), ("maximum", 1)):
+        mine, its = given.get(name), own.get(name)
+        if isinstance(mine, int | float) and isinstance(its, int | float) and beyond * (mine - its) > 0:
+            return name
+    if "unit" in given and "unit" in own and given["unit"] != own["unit"]:
+        return "unit"
+    return "enum" if "enum" in own and not {*map(str, given.get("enum", ()))} <= {*map(str, own["enum"])} else ""
+
+
+RULES = (Rule("IDENTIFY-FACT-DIFFERS", fact_differs), Rule("IDENTIFY-PROFILE-WIDENED", profile_widened))
