@@ -157,7 +157,7 @@ GUARDED: dict[str, Case] = {
 }
 READ = f"raw = runtime.read_number({FILE})\nif raw is None:\n    raise ToolError('no reading')\n"
 RIGHT = {
-    "nothing where it stands still": read_by(READ + "value = 0.0 if raw == 0 else 60 * raw"),
+    "nothing where it stands still": read_by(READ + "value = 0.0 if raw == 0 else 60 * raw / 60"),
     "no more than the full scale": read_by(READ + "value = 125000.0 if raw > 125000 else raw"),
     "a return for each case": body(
         "read_temperature", READ + f"if raw < -40000:\n    {warm('-40.0')}\n{warm('raw / 1000')}"

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from octoform.base.escaping import display, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records, results_of, with_unit
-from octoform.contracts.rules.serve.value_rules import constant_reading, numbers_read
+from octoform.contracts.rules.serve.value_rules import constant_reading, default_reading, numbers_read
 from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
 from octoform.contracts.server_code.server_source import needed_source, walk
 from octoform.diagnostics import Diagnostic
@@ -127,7 +127,8 @@ def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             if summary is not None:
                 summary = f"{display(tool['name'])} returns {summary}"
                 out.setdefault(function, source.problem(OTHERWISE, function, summary, hint))
-    return list(out.values()) if out and not constant_reading(value, artifacts) else []
+    cause = out and (constant_reading(value, artifacts) or default_reading(value, artifacts))
+    return [] if cause else list(out.values())
 
 
 def _channels(artifacts: Artifacts, device: str) -> set[str]:
@@ -151,11 +152,22 @@ def _otherwise(calls: Calls, tool: JsonObject, device: str, shown: set[str], wri
         same = [key for key in keys if _meaning(key) == meaning]
         amounts = (*_AMOUNTS, -_AMOUNTS[0]) if meaning.unit in _HAS_A_SIGN else _AMOUNTS
         results = [_result(calls, tool, given, same, round(each / meaning.one)) for each in amounts]
+        if _is_derived(calls, tool, given, dict.fromkeys(same, str(round(_AMOUNTS[0] / meaning.one))), keys):
+            continue
         for name, unit in units.items() if None not in results[: len(_AMOUNTS)] else ():
             yield from _misread(name, unit, meaning, len(same), results)
     for key in keys:
         yield from _turned(calls, tool, given, key)
         yield from _exchanged(calls, tool, given, key, keys)
+
+
+def _is_derived(
+    calls: Calls, tool: JsonObject, given: Mapping[str, Any], fixed: Mapping[Key, str], keys: Sequence[Key]
+) -> bool:
+    """Whether a result follows other attributes too: a share of a maximum is in no unit of the kernel's."""
+    others = [key for key in keys if key not in fixed]
+    found = [results_of(calls, tool, given, [{**dict.fromkeys(others, number), **fixed}]) for number in ("40", "90")]
+    return bool(others) and found[0] != found[1]
 
 
 def _meaning(key: Key) -> _Meaning | None:
