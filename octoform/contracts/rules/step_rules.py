@@ -4,6 +4,7 @@ An agent reports what shall move, octoform moves it. So before anything moves, t
 that the step is for; and a unit that is omitted without a reason would be taken for one that works.
 """
 
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -185,6 +186,7 @@ def wrong_arguments(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         varied = [call["vary"]] if part in _VARYING else []
         if varied:
             found += _varied(item, varied[0], part, f"{where}/vary")
+            found += _too_far(item, call, where) if part == "move" else ()
         found += _arguments(item, call["arguments"], varied, f"{where}/arguments")
     return found
 
@@ -208,10 +210,40 @@ def _arguments(item: JsonObject, given: dict[str, Any], varied: list[str], where
         if name in varied:
             summary, hint = f"{display(name)} is varied, and is among the arguments too", "take it out of them"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint=hint)
+    for name in (name for name in given if name in known and not _fits(properties(item)[name], given[name])):
+        summary = f"{display(item['name'])} does not take {display(given[name])} for {display(name)}"
+        yield error("STEP-WRONG-ARGUMENTS", summary, pointer=f"{where}{pointer(name)}", hint="take what its schema has")
     absent = [name for name in item["input_schema"].get("required", ()) if name not in given and name not in varied]
     if absent:
         summary = f"{display(item['name'])} needs {listed(absent)}"
         yield error("STEP-WRONG-ARGUMENTS", summary, pointer=where, hint="give every required parameter")
+
+
+def _fits(schema: Any, given: Any) -> bool:
+    """Whether an argument is one of the choices of its parameter, and within its bounds."""
+    if not isinstance(schema, dict):
+        return True
+    if not isinstance(given, str | bool | int | float):
+        return True
+    number = isinstance(given, int | float) and not isinstance(given, bool)
+    low, high = (schema.get(name) for name in ("minimum", "maximum"))
+    within = not number or ((low is None or given >= low) and (high is None or given <= high))
+    return within and given in schema.get("enum", [given]) and given == schema.get("const", given)
+
+
+def _too_far(item: JsonObject, call: JsonObject, where: str) -> Iterator[Diagnostic]:
+    """A movement has room in one direction or the other, and its way back."""
+    schema, by = properties(item).get(call["vary"], {}), abs(call["by"])
+    low, high = (schema.get(name) if isinstance(schema, dict) else None for name in ("minimum", "maximum"))
+    if not isinstance(low, int | float) or not isinstance(high, int | float):
+        return
+    hint = "move by no more than is needed; what is a position is not relative"
+    if call["relative"] and not low <= -by <= by <= high:
+        summary = f"{display(call['vary'])} of {display(item['name'])} takes {low:g} to {high:g}, and not -{by:g}"
+        yield error("STEP-WRONG-ARGUMENTS", f"{summary}, which moves back", pointer=f"{where}/by", hint=hint)
+    elif not call["relative"] and 2 * by > high - low:
+        summary = f"{display(call['vary'])} of {display(item['name'])} has no room for {by:g} in its {high - low:g}"
+        yield error("STEP-WRONG-ARGUMENTS", summary, pointer=f"{where}/by", hint=hint)
 
 
 def uncovered_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -261,12 +293,22 @@ def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         if not item["reason"].strip():
             summary = f"the unit {display(item['unit'])} is skipped without a reason"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/reason", hint="give the profile's"))
+        elif not _is_of_profile(item["reason"], disabled.get(item["unit"], "")):
+            summary = f"the unit {display(item['unit'])} is skipped for another reason than the profile gives"
+            hint = f"write {display(disabled[item['unit']])}"
+            found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=f"{where}/reason", hint=hint))
     for index, trial in enumerate(value["trials"]):
         if trial["unit"] in disabled:
             summary = f"the unit {display(trial['unit'])} is tried, and the profile disables it"
             where, hint = pointer("trials", index, "unit"), "skip it with the reason that the profile gives"
             found.append(error("STEP-WRONGLY-SKIPPED", summary, pointer=where, hint=hint))
     return found
+
+
+def _is_of_profile(reason: str, given: str) -> bool:
+    """Whether a reason has a word of the one in the profile, or the profile gives none in words."""
+    own = set(re.findall(r"\w{4,}", given.casefold()))
+    return not own or not own.isdisjoint(re.findall(r"\w{4,}", reason.casefold())) or not reason.isascii()
 
 
 def too_small(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:

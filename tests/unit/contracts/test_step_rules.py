@@ -176,7 +176,37 @@ CASES: list[tuple[str, Change]] = [
     ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(tool="arm_hold", vary="on")),
     ("STEP-UNCOVERED-UNIT", lambda value: put_back(value)["arguments"].update(joint="elbow")),
     ("STEP-TOO-SMALL", lambda value: first(value).update(by=-49)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(by=4095)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(by=-2100)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value).update(relative=True)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value)["arguments"].update(speed=5000)),
+    ("STEP-WRONG-ARGUMENTS", lambda value: first(value)["arguments"].update(speed=-1)),
+    ("STEP-WRONGLY-SKIPPED", lambda value: value["skipped"][0].update(reason="it may hit the table")),
 ]
+
+
+UNUSUAL: list[Change] = [
+    lambda value: first(value).update(by=400),
+    lambda value: first(value).update(by=-2047),
+    lambda value: first(value)["arguments"].update(speed=0),
+    lambda value: value["trials"].reverse(),
+    lambda value: first(value, "read").update(value="/joint/position"),
+    lambda value: value["skipped"][0].update(reason="The profile says so: the motor is broken."),
+    lambda value: value["skipped"][0].update(reason="Sein Motor läuft nicht."),
+]
+
+
+@pytest.mark.parametrize("change", UNUSUAL)
+def test_a_right_step_in_unusual_form_is_accepted(change: Change) -> None:
+    value = reading()
+    change(value)
+    assert codes(value) == set()
+
+
+def test_a_picture_is_of_a_camera_that_its_tool_serves() -> None:
+    value = viewing()
+    first(value, "view")["arguments"] = {"device": "cam-lid"}
+    assert codes(value, VIEW) == {"STEP-WRONG-ARGUMENTS"}
 
 
 @pytest.mark.parametrize(("code", "change"), CASES, ids=lambda item: item if isinstance(item, str) else "")
