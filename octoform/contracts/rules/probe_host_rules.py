@@ -293,7 +293,7 @@ def _misplaced(device: JsonObject, true: JsonObject) -> Iterator[tuple[str, str,
         right, given = own.get(key.casefold(), set()), _spoken(text)
         others = {each for name, texts in own.items() if name != key.casefold() for each in texts}
         wrong = (given in others and any(map(str.isalpha, given))) or given in _NONE
-        # A count of a class device (lines, steps, the highest level) is the same whoever looks.
+        # A count of a class device (lines, steps, the highest level) does not change.
         wrong = wrong or ("]." in key and given.isdecimal() and any(map(str.isdecimal, right)))
         if right and given not in right and wrong and not right & _NONE:
             yield "raw_descriptor", display(f"{key}: {text}"), display(f"{key}: {min(right)}")

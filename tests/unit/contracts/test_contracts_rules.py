@@ -449,8 +449,8 @@ def test_a_missing_predecessor_is_a_bug_of_the_caller() -> None:
 
 def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
     cases = {code for table in (PROBE_CASES, IDENTIFY_CASES, INTERFACE_CASES, DEPLOY_CASES) for code, _ in table}
-    elsewhere = (answer_rules, probe_host_rules, probe_rules, annotation_rules, channel_rules, fact_rules, name_rules)
-    elsewhere = (*elsewhere, prose_rules)
+    identifying = (answer_rules, annotation_rules, channel_rules, fact_rules, name_rules, prose_rules)
+    elsewhere = (probe_host_rules, probe_rules, *identifying)
     own_tests = {rule.code for rules in elsewhere for rule in rules.RULES}
     own_tests |= {rule.code for rule in probe_rules.TEXT_RULES}
     own_tests |= {

@@ -1,7 +1,7 @@
 """Rules for IDENTIFY about the facts that it hands on: channels, counts, readings and the ranges of a profile.
 
-INTERFACE and SERVE see no PROBE. A channel that is not there, fewer lines than there are or a range that is wider than
-the profile's are taken over by them, so each of these is held against what PROBE shows and the profile has.
+INTERFACE and SERVE see no PROBE. They believe a channel that is not there, fewer lines than there are and a range that
+is wider than the profile's, so each of these is held against what PROBE shows and the profile has.
 """
 
 import re
