@@ -14,7 +14,7 @@ from pathlib import Path
 
 from octoform.cli.interrupts import Stopped, orderly
 from octoform.cli.parser import RENAMED, UsageError, parse
-from octoform.diagnostics import Severity
+from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.views.format import console, problems
 
 _READING = frozenset(
@@ -28,7 +28,10 @@ _READING = frozenset(
 
 _HERE = frozenset(("init", "simulate", "schema", "explain", "help", "version", "completion", "connect", "estop"))
 """Commands that need no project, make one, or find theirs by a rule of their own."""
+_NAMELESS = frozenset(("schema", "explain", "help", "version", "completion"))
+"""Commands for which it does not matter where they are given."""
 MANIFEST = "octopus.yaml"
+SYSROOT = "OCTOFORM_SYSROOT"
 GROUPS = {
     "project": "init validate schema explain graph doctor install profile spec simulate",
     "run": "plan apply destroy answer attempts",
@@ -99,6 +102,8 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
         gc.set_threshold(*_SELDOM)
     try:
         project = _project(arguments, screen)
+        if arguments.command not in _NAMELESS and (problem := _unnameable(project)) is not None:
+            return problems.show(screen, [problem], as_json=_as_json(arguments))
         if arguments.command not in _READING:
             _hide(project, screen)
         status = command_of(arguments.command)(arguments, project, screen)
@@ -141,6 +146,18 @@ def _project(arguments: Namespace, screen: console.Console) -> Path:
     if above != here:
         screen.problem(f"octoform: working in {above}, the nearest folder with {MANIFEST}")
     return above
+
+
+def _unnameable(project: Path) -> Diagnostic | None:
+    """What no task and no file of a client can name: they are JSON, which holds no bytes of another encoding."""
+    for what, name in (("the folder", str(project)), (SYSROOT, os.environ.get(SYSROOT, ""))):
+        try:
+            name.encode()
+        except UnicodeEncodeError:
+            summary = f"the name of {what} is not UTF-8" if what == "the folder" else f"{what} is not UTF-8"
+            hint = "rename the folder, then run the same command again"
+            return error("PROJECT-NAME", summary, path=name, hint=hint)
+    return None
 
 
 def _is_project(folder: Path) -> bool:

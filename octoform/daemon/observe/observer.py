@@ -202,7 +202,9 @@ def _destroyed(layout: Layout) -> bool:
 def _unproved(layout: Layout) -> tuple[str, ...]:
     """The steps that the state calls failed; none while the state cannot be read, which is a problem of its own."""
     nodes = (peek(layout) or {}).get("nodes", {})
-    return tuple(name for name, node in sorted(nodes.items()) if name.startswith(STEP) and node["status"] == "failed")
+    return tuple(
+        name for name, node in sorted(nodes.items()) if name.startswith(STEP) and node.get("status") == "failed"
+    )
 
 
 def _free(layout: Layout) -> int | None:

@@ -6,6 +6,7 @@ state, of this host, of a format that is understood); the heavy reader adds the 
 
 import json
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +43,7 @@ def peek(layout: Layout) -> dict[str, Any] | None:
     if data is None or problem is not None:
         return None
     document, found = parse(data, layout)
-    return document if not found else None
+    return document if document is not None and not found and _is_whole(document) else None
 
 
 def parse(data: bytes, layout: Layout) -> tuple[dict[str, Any] | None, list[Diagnostic]]:
@@ -117,6 +118,65 @@ def _well_formed(document: dict[str, Any]) -> bool:
     counted = isinstance(serial, int) and not isinstance(serial, bool) and serial >= 0
     named = isinstance(document.get("lineage"), str) and document["lineage"] != ""
     return counted and named and isinstance(nodes, dict) and all(isinstance(node, dict) for node in nodes.values())
+
+
+_TEXT, _TEXT_OR_NONE, _NUMBER = (str,), (str, type(None)), (int, float)
+_SNAPSHOT: Mapping[str, tuple[type, ...]] = {
+    "octoform": _TEXT,
+    "manifest_digest": _TEXT_OR_NONE,
+    "git": (dict, type(None)),
+    "tier1": (bool,),
+}
+_GIT: Mapping[str, tuple[type, ...]] = {"revision": _TEXT_OR_NONE, "dirty": (list,)}
+_NODE: Mapping[str, tuple[type, ...]] = {
+    **dict.fromkeys(("key", "output_digest", "file_digest", "status"), _TEXT),
+    **dict.fromkeys(("harness", "model", "program", "specs", "accepted_at"), _TEXT_OR_NONE),
+    **dict.fromkeys(("key_parts", "platform", "usage", "detail"), (dict,)),
+    "attempts": (int,),
+    "seconds": _NUMBER,
+    "tainted": (bool,),
+}
+_USAGE: Mapping[str, tuple[type, ...]] = {
+    **dict.fromkeys(("input_tokens", "cached_tokens", "output_tokens"), (int, type(None))),
+    "cost_usd": (*_NUMBER, type(None)),
+    "cost_source": _TEXT_OR_NONE,
+}
+_STATUS = ("accepted", "interrupted", "failed")
+_TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)")
+
+
+def _is_whole(document: Mapping[str, Any]) -> bool:
+    """Whether the heavy reader would take it, as far as types and fixed words go; a test compares the two."""
+    git = document.get("git") or {}
+    nodes = document["nodes"].values()
+    return (
+        "octoform" in document
+        and _typed(document, _SNAPSHOT)
+        and _typed(git, _GIT)
+        and all(isinstance(item, str) for item in git.get("dirty", ()))
+        and all(map(_is_whole_node, nodes))
+    )
+
+
+def _is_whole_node(node: Mapping[str, Any]) -> bool:
+    named = (
+        (*node.get("key_parts", {}).values(), *node.get("platform", {}).values()) if _typed(node, _NODE) else (None,)
+    )
+    time = node.get("accepted_at")
+    return (
+        all(isinstance(item, str) for item in named)
+        and _typed(node.get("usage", {}), _USAGE)
+        and node.get("status", "accepted") in _STATUS
+        and (time is None or _TIME.fullmatch(time) is not None)
+    )
+
+
+def _typed(values: Mapping[str, Any], types: Mapping[str, tuple[type, ...]]) -> bool:
+    return all(
+        isinstance(values[name], wanted) and (bool in wanted or not isinstance(values[name], bool))
+        for name, wanted in types.items()
+        if name in values
+    )
 
 
 def _bad(layout: Layout, code: str, summary: str) -> Diagnostic:
