@@ -152,12 +152,20 @@ def visible_kinds(entry: JsonObject) -> frozenset[str]:
     )
 
 
+def is_blank(entry: JsonObject) -> bool:
+    """Whether nothing of a device shows more than its class."""
+    lines = str(entry.get("raw_descriptor", "")).splitlines()
+    return all(line.startswith(("class: ", "bus: ", "name: hwmon")) for line in lines)
+
+
 def measures(entry: JsonObject, word: str) -> bool:
     """Whether a device may measure what a word names, by its class and the channels that PROBE shows of it."""
     text = str(entry.get("raw_descriptor", ""))
     if word in _MOVED and _MOVED.intersection(re.findall("[a-z]{3,}", text.casefold())):
         return True  # it calls itself what moves
     ways = visible_kinds(entry).intersection(MEASURED[word])
+    if ways == {"hwmon"} and is_blank(entry):
+        return False
     channels = set(_CHANNEL.findall(text)) - {"name", "label"}
     if not ways or word not in _CHANNELS or not channels or ways - {"hwmon", "iio"}:
         return bool(ways)

@@ -194,6 +194,16 @@ _ADDRESSES = frozenset({"register", "reg", "address", "addr", "offset", "opcode"
 _AMOUNTS = frozenset({"value", "values", "data", "length", "size", "count", "bytes", "width"})
 _SPOKEN = frozenset({"message", "msg", "telegram", "pdu", "body", "content", "contents", "line", "words"})
 
+_READ_AS = dict.fromkeys(("list", "show", "report", "check", "retrieve", "obtain"), "read")
+_READ_AS["event"] = "events"
+_IDLE = frozenset({"for", "the", "of", "a", "all", "user", "device"})
+_EVENTS_WORDS = """
+    touch touches key keys keystroke keystrokes keypress keypresses press presses button buttons stroke strokes gesture
+    gestures pen stylus mouse pointer motion movement movements keyboard touchscreen touchpad clicks scroll
+"""
+_EVENTS = frozenset(_EVENTS_WORDS.split())
+"""Kinds of the events that an input gives."""
+
 _VERBS = {
     "capture": ("capture", "take", "grab", "snap", "shoot", "acquire", "record"),
     "read": ("read", "get", "query", "fetch", "measure", "sense"),
@@ -263,6 +273,8 @@ def tokens(name: str) -> list[str]:
 def is_passthrough(name: str) -> bool:
     """True for a name that offers a raw pipe: ``send_serial_command``, ``raw_bytes_write``, ``exec``, ``exchange``."""
     spoken = set(tokens(name))
+    if spoken & {"random", "entropy"} and spoken & _READ and not spoken & _SEND:
+        return False  # what comes out is what the device makes, and nothing goes in
     if (
         spoken & _ALWAYS
         or {"pass", "through"} <= spoken
@@ -359,6 +371,18 @@ def raw_parameter(schema: Mapping[str, Any]) -> str | None:
 def same_action(name: str) -> frozenset[str]:
     """The words of a name with synonyms made one: equal for ``take_photo`` and ``capture_image``."""
     return frozenset(_SYNONYMS.get(word, word) for word in tokens(name))
+
+
+def same_act(one: str, other: str) -> bool:
+    """Whether two names are of one act: synonyms of each other, or the events of an input and one kind of them."""
+    if same_action(one) == same_action(other):
+        return True
+    first, second = ({_READ_AS.get(word, word) for word in same_action(name)} - _IDLE for name in (one, other))
+    if "read" not in first & second:
+        return False
+    pairs = ((first, second), (second, first))
+    some = any(a - {"input"} == {"read", "events"} and b - {"input", "read", "events"} <= _EVENTS for a, b in pairs)
+    return some or first == second
 
 
 def is_chip_name(name: str, raw_descriptor: str) -> bool:

@@ -84,6 +84,7 @@ def _second_tool(name: str, capability: str, device: str) -> dict[str, Any]:
         "annotations": READ,
         "output_schema": {"type": "object", "properties": {"seen": {"type": "integer"}}},
         "input_schema": {"type": "object"},
+        "smoke": {"arguments": {}},
     }
 
 
@@ -190,7 +191,8 @@ INTERFACE_CASES: list[tuple[str, Change]] = [
     ("INTERFACE-UNKNOWN-DEVICE", _add("left_out", {"id": "usb-arm", "reason": "no_function"})),
     ("INTERFACE-DEVICE-UNACCOUNTED", _drop("left_out.2")),
     ("INTERFACE-UNESCAPED-TEXT", _put("tools.0.description", "A picture.\U000e0069\U000e0067")),
-    ("INTERFACE-LEFT-OUT-TWICE", _add("left_out", {"id": "pci-bridge", "reason": "virtual"})),
+    ("INTERFACE-LEFT-OUT-TWICE", _add("left_out", {"id": "pci-bridge", "reason": "bus_infrastructure"})),
+    ("INTERFACE-REASON-DIFFERS", _put("left_out.2.reason", "virtual")),
     ("INTERFACE-LEFT-OUT-TWICE", _add("left_out", {"id": "hwmon-fanboard", "reason": "virtual"})),
     ("INTERFACE-DUPLICATE-PATH", _put("tools.2.name", "get_fan_speed")),
     ("INTERFACE-EFFECT-UNDERSTATED", _put("tools.1.name", "erase_fan_speed")),

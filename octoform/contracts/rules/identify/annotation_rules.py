@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import MEASURED, RAW, WAYS, measures, speaks_bytes
+from octoform.contracts.device_kinds import MEASURED, RAW, WAYS, is_blank, measures, speaks_bytes
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule, does_stop
 from octoform.contracts.name_clues import (
@@ -54,6 +54,10 @@ _NO_STRING = re.compile(
 _USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")
 _NUMBER = re.compile(r"(?:0x)?[0-9a-f]{1,8}(?:[:.,/ ]+(?:0x)?[0-9a-f]{1,8})*", re.IGNORECASE)
 _UNREAL = re.compile(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
+# What the firmware lists is there; LNX marks what Linux adds to its tables.
+_FIRMWARE = re.compile(r"(?m)^modalias: (?:acpi|pnp):(?!LNX)")
+_ATTRIBUTE = re.compile(r"(?m)^([\w-]+)\[\d+\]\.(\w+): .+$")
+_NAMES = frozenset({"name", "label", "driver", "id", "role", "kinds", "events", "usages", "product", "vendor", "model"})
 # Reasons that the class of a device can contradict; the others are judgements.
 _DENYING = frozenset({"no_function", "no_standard_interface", "bus_infrastructure", "duplicate_path"})
 
@@ -260,6 +264,12 @@ def _contradicted(
         return f"{listed(evident)} of it, which asks for none", annotate
     if reason == "virtual" and entry["interface"] == "usb" and not _UNREAL.search(text):
         return "it plugged into usb", annotate
+    listed_there = bool(_FIRMWARE.search(entry["raw_descriptor"])) and entry["interface"] != "virtual"
+    if reason == "virtual" and listed_there and "/virtual/" not in place and not _UNREAL.search(text):
+        cure = "give the reason that is true of it, such as no_function, or duplicate_path of what it is an entry of"
+        return "that the firmware of the computer lists it", cure
+    if reason == "not_permitted" and not entry.get("context") and (read := _read_of(entry)):
+        return f"{display(read)}, which was read of it", annotate
     evident += ["input"] if _INPUT_KINDS.search(text) else []
     if not evident or (reason not in _DENYING and not (reason == "out_of_scope" and _WANTED.intersection(evident))):
         return None
@@ -269,6 +279,13 @@ def _contradicted(
         if any(_together(entry, other) or not family <= _OF_A_UNIT or _named_alike(entry, other) for other in near):
             return None
     return f"{listed(evident)} of it", annotate
+
+
+def _read_of(entry: JsonObject) -> str | None:
+    """A line of PROBE that was read through a class of the kernel with a meaning, beyond names and drivers."""
+    classes = {*entry.get("classes", ())} - RAW
+    found = _ATTRIBUTE.finditer(entry["raw_descriptor"])
+    return next((each[0] for each in found if each[1] in classes and each[2] not in _NAMES), None)
 
 
 def _together(entry: JsonObject, other: JsonObject) -> bool:
@@ -350,7 +367,9 @@ def without_class(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         has = f"it has {listed(sorted(shows))}" if shows else "it has none"
         summary = f"no class that PROBE shows of {display(device['id'])} leads to {name}; {has}"
         hint = (
-            f"{listed(list(dict.fromkeys(way for ways in wanted for way in ways)))} would; leave it out"
+            "PROBE shows no channel of it that measures this; leave it out"
+            if shows and is_blank(entry)
+            else f"{listed(list(dict.fromkeys(way for ways in wanted for way in ways)))} would; leave it out"
             if wanted
             else f"leave it out; `octoform profile new {device['id']}` drafts what a person knows of it"
         )

@@ -20,7 +20,11 @@ from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
 
 # Facts that a device is asked for at every call, or that are in its descriptor.
-_ASKED = re.compile(r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy)")
+_ASKED = re.compile(
+    r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy)"
+    r"|(?:[xyz]|axis|pressure|tilt|touch|contact)_?(?:range|levels?|min|max|minimum|maximum|resolution|points)"
+    r"|(?:max_)?(?:contacts?|touches|touch_?points|fingers)"
+)
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 _BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
 # Libraries for one kind of line, and the classes of which one leads there.
@@ -56,6 +60,45 @@ def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
     return out
 
 
+_COUNTS = ["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "twelve", "sixteen", "twenty"]
+_VALUES = {word: str(number) for word, number in zip(_COUNTS, (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 20), strict=True)}
+_FIGURE = re.compile(
+    r"(?i)(?<![\w.,])(\d+(?:[.,]\d+)?)\s?[x\u00d7]\s?(\d+)\b"
+    r"|(?<![\w.,])(\d+(?:[.,]\d+)?|" + "|".join(_COUNTS) + r")[\s-]?"
+    r"(?:inch(?:es)?|mm|cm|px|pixels?|megapixels?|mp|dpi|fps|[kmg]?hz|[kmgt]i?b(?:it/s)?|mah|wh|watts?|volts?|lumens?|rpm"
+    r"|points?|contacts?|fingers?|channels?|cores?|axes|buttons?|levels?|degrees?)\b"
+)
+"""Amounts in prose: a size, and a number with its unit."""
+_SOURCE = re.compile(r"(?i)https?://|\bwww\.|\b(?:usb|pci|pnp|oui)\.?ids\b|\bhwdb\b|\bdata ?(?:base|sheet)\b")
+
+
+def figure_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """An amount in `says` is one of the device's own text, or has its source beside it."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    out = []
+    for index, device in enumerate(value["devices"]):
+        entry = probed.get(device["id"])
+        if entry is None or known_by_a_person(device, artifacts) or device["method"] == "web_search":
+            continue
+        own = f"{entry['name']}\n{entry['raw_descriptor']}\n{(artifacts.registered or {}).get(device['id'], '')}"
+        numbers = set(re.findall(r"\d+(?:[.,]\d+)?", own))
+        for at, evidence in enumerate(device["evidence"]):
+            said = evidence.get("says", "")
+            figures = (each for found in _FIGURE.findall(said) for each in found if each)
+            unsaid = [each for each in figures if _VALUES.get(each.casefold(), each) not in numbers]
+            if unsaid and not _SOURCE.search(said):
+                summary = f"{display(said)} has {listed(unsaid)}, which PROBE shows nowhere of {display(device['id'])}"
+                where = pointer("devices", index, "evidence", at, "says")
+                hint = "write what follows from the quote; of another source name the page or the database"
+                out.append(error("IDENTIFY-FACT-FROM-MEMORY", summary, pointer=where, hint=hint))
+    return out
+
+
+def from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No fact of a parameter and no amount in prose is filled in from memory."""
+    return [*fact_from_memory(value, artifacts), *figure_from_memory(value, artifacts)]
+
+
 _SENSES = frozenset({"video4linux", "usb-0e", "hwmon", "thermal", "iio", "power_supply"})
 """Classes of the kernel of which a reading is what comes out, unless a capability acts."""
 _SHINES = frozenset({"leds", "backlight"})
@@ -89,7 +132,7 @@ def category_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 def _right_category(device: JsonObject, ways: frozenset[str]) -> str | None:
     """The category that the classes show where another one is stated; None where they say nothing against it."""
     effects = {capability["effect"] for capability in device["capabilities"]}
-    if device["category"] == "actuator" and effects == {"read"} and ways & _SENSES:
+    if device["category"] == "actuator" and effects == {"read"} and (ways & _SENSES or "input" in ways):
         return "sensor"
     if device["category"] == "sensor" and ways and ways <= _SHINES:
         return "actuator, or bidirectional where what was set is read as well"
@@ -234,7 +277,7 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
 
 _ASIDE = frozenset({"unknown", "unidentified", "unnamed", "what", "not", "no", "an", "a", "the", "some", "possibly"})
 RULES = (
-    Rule("IDENTIFY-FACT-FROM-MEMORY", fact_from_memory),
+    Rule("IDENTIFY-FACT-FROM-MEMORY", from_memory),
     Rule("IDENTIFY-CATEGORY-FALSE", category_false),
     Rule("IDENTIFY-DESCRIPTION-COPIED", description_copied),
     Rule("IDENTIFY-CLASS-FALSE", class_false),

@@ -4,13 +4,15 @@ A wrong name costs more than a missing one: somebody will move an arm that is a 
 unknown, visibly, with the sentence that would settle it.
 """
 
+import operator
 import re
+from collections import defaultdict
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import is_chip_name, is_filler, same_action, tokens
+from octoform.contracts.name_clues import is_chip_name, is_filler, same_act, tokens
 from octoform.contracts.name_words import has_digit, word_set, words
 from octoform.contracts.rules import raw_line_rules
 from octoform.contracts.rules.identify import (
@@ -257,18 +259,18 @@ def infrastructure_actuates(value: JsonObject, _: Artifacts) -> list[Diagnostic]
 def duplicate_capability(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A device has a capability once, under one name; what a profile calls twice is its owner's matter."""
     out = []
-    seen: dict[tuple[int, frozenset[str]], str] = {}
+    seen: dict[int, list[str]] = defaultdict(list)
     for index, at, device, capability in capabilities(value):
         name = capability["name"]
-        key = frozenset({name}) if "profile" in device else same_action(name)
-        before = seen.setdefault((index, key), "")
+        same = operator.eq if "profile" in device else same_act
+        before = next((each for each in seen[index] if same(each, name)), "")
         if before:
             summary = f"{display(device['id'])} has the capability {display(name)} twice"
             summary += f", as {display(before)}" if before != name else ""
             where = pointer("devices", index, "capabilities", at, "name")
             hint = "merge the two, or name them apart"
             out.append(error("IDENTIFY-DUPLICATE-CAPABILITY", summary, pointer=where, hint=hint))
-        seen[index, key] = name
+        seen[index].append(name)
     return out
 
 

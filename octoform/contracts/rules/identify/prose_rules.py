@@ -43,6 +43,7 @@ _PLACES = re.compile(
     r"|(?<![\w.])(?<!version )(?<!firmware )(?:25[0-5]|2[0-4]\d|1?\d?\d)(?:\.(?:25[0-5]|2[0-4]\d|1?\d?\d)){3}(?![\w.])"
     r"|\b(?:usb )?(?:port|bus) \d+-\d+(?:\.\d+)*\b"
 )
+_INPUT = re.compile(r"\binput\d+\b")
 _ADDRESSED = frozenset({"address", "addr", "mac"})
 _CURES = {
     "identified_as": "name it as a person would, by what it is",
@@ -75,7 +76,26 @@ def places(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 summary = f"{display(text)} names a place of this host: {display(found[0])}"
                 out.append(error("IDENTIFY-PLACE-IN-TEXT", summary, pointer=pointer(*where), hint=_PLACE_HINT))
                 break
-    return [*out, *_addresses(value, artifacts)]
+    return [*out, *_nodes(value, artifacts), *_addresses(value, artifacts)]
+
+
+def _nodes(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No text has the kernel's name of one of the device's inputs, which is another one after the next start."""
+    named = {
+        device["id"]: {str(node.get("name")) for node in (device.get("instance") or {}).get("nodes", ())}
+        for device in (artifacts.probe or {}).get("devices", ())
+    }
+    return [
+        error(
+            "IDENTIFY-PLACE-IN-TEXT",
+            f"{display(text)} names a place of this host: {display(found)}",
+            pointer=pointer(*where),
+            hint=_PLACE_HINT,
+        )
+        for device, _, where, text in _texts(value)
+        for found in sorted(set(_INPUT.findall(text)) & named.get(device, set()))
+        if not _is_quoted(found, device, artifacts)
+    ]
 
 
 def _addresses(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:

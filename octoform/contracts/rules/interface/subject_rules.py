@@ -77,8 +77,13 @@ def _moves(tool: JsonObject, text: str) -> str | None:
 
 
 def known_text(tool: JsonObject, artifacts: Artifacts) -> str:
-    """All that IDENTIFY and PROBE have of a tool's devices, as one text in small letters."""
-    return "\n".join(_texts(tool["devices"], artifacts)).casefold()
+    """All that IDENTIFY and PROBE have of a tool's devices, and of those with its capability, in small letters."""
+    owners = (
+        device["id"]
+        for device in (artifacts.identify or {"devices": []})["devices"]
+        if any(each["name"] == tool["capability"] for each in device["capabilities"])
+    )
+    return "\n".join(_texts([*tool["devices"], *owners], artifacts)).casefold()
 
 
 def _texts(devices: Iterable[str], artifacts: Artifacts) -> Iterator[str]:
