@@ -278,6 +278,47 @@ def test_what_is_no_request_is_refused(shared: Door, sent: bytes) -> None:
     assert shared.ask("GET", "/health")[0] == 200
 
 
+@pytest.mark.parametrize(
+    ("lines", "status"),
+    [
+        (("Host: 127.0.0.1:{port}@evil.example",), 421),
+        (("Host: 127.0.0.1:{port}.evil.example",), 421),
+        (("Host: localhost:x",), 421),
+        (("Host: localhost:1", "Origin: http://127.0.0.1:{port}.evil.example"), 403),
+        (("Host: localhost:1", "Origin: http://127.0.0.1:{port}, http://evil.example"), 403),
+        (("Host: localhost:1", "Origin: http://127.0.0.1:{port}@evil.example"), 403),
+        (("Host: localhost:1", "Origin: http://localhost:1", "Origin: http://evil.example"), 403),
+        (("Host: localhost:1", "Origin: file://"), 403),
+        (("Host: localhost:1", "Origin: http://localhost:1"), 200),
+        (("Host: localhost",), 200),
+        (("Host: [::1]:{port}",), 200),
+        (("Host: 127.0.0.1:{port}",), 200),
+    ],
+)
+def test_a_name_with_a_rest_that_the_guard_would_not_read_is_none_of_ours(
+    shared: Door, lines: tuple[str, ...], status: int
+) -> None:
+    given = [line.format(port=shared.port) for line in lines]
+    with shared.connect() as connection:
+        connection.sendall("\r\n".join(["GET /health HTTP/1.1", *given, "Connection: close", "", ""]).encode())
+        connection.settimeout(15)
+        answered = int(connection.recv(4096)[9:12])
+    assert (200 if answered == 503 else answered) == status
+
+
+def test_a_request_with_a_length_and_chunks_is_refused_and_nothing_behind_it_is_read(shared: Door) -> None:
+    ping = b'{"jsonrpc":"2.0","id":1,"method":"ping"}'
+    first = head(shared, "Content-Length: 4", "Transfer-Encoding: chunked") + b"0\r\n\r\n"
+    hidden = head(shared, f"Content-Length: {len(ping)}") + ping
+    with shared.connect() as connection:
+        connection.sendall(first + hidden)
+        connection.settimeout(15)
+        answer = b""
+        while data := connection.recv(65536):
+            answer += data
+    assert answer.startswith(b"HTTP/1.1 400 ") and answer.count(b"HTTP/1.1 ") == 1
+
+
 def test_client_that_ends_no_session_costs_nobody_else_his(opened: Door) -> None:
     write_tokens(opened.run, {"all": ("secret", ALL, None), "other": ("other", ALL, None)})
     sessions = opened.web._open.sessions  # type: ignore[union-attr]
