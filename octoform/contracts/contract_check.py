@@ -18,7 +18,7 @@ from octoform.contracts.rules import (
     watch_rules,
 )
 from octoform.contracts.rules.identify import identify_rules
-from octoform.contracts.rules.interface import interface_rules, protocol_definition_rules, result_rules
+from octoform.contracts.rules.interface import interface_rules, protocol_definition_rules, result_rules, unit_rules
 from octoform.contracts.rules.serve import serve_rules
 from octoform.contracts.schema_validation import shape_diagnostics
 from octoform.diagnostics import Diagnostic
@@ -31,7 +31,7 @@ RULES: dict[str, tuple[Rule, ...]] = {
     "interface": (
         *interface_rules.RULES,
         *result_rules.RULES,
-        *result_rules.UNIT_RULES,
+        *unit_rules.RULES,
         *protocol_definition_rules.RULES,
     ),
     "serve": serve_rules.RULES,

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.contracts.rules.interface.result_rules import units_missing, units_wrong
+from octoform.contracts.rules.interface.unit_rules import units_missing, units_wrong
 
 Tool = dict[str, Any]
 NAMES = {"pan": ["1"], "elbow": ["3"]}
@@ -68,6 +68,7 @@ WRONG: dict[str, Callable[[Tool], Any]] = {
     "a report by no member": lambda units: units["reports"].update(field="place"),
     "a report of no one knows which unit": lambda units: units["reports"].pop("unit"),
     "a report by no list": lambda units: units["reports"].update(records="position"),
+    "a list of no one knows which unit": lambda units: units.update(reports={"field": "position", "records": "all"}),
     "a list that does not name its units": lambda units: units["reports"].update(records="all"),
     "a unit without a place": lambda units: units["goal"].update(fixed={"pan": 1}),
     "a report without a goal": lambda units: units.pop("goal"),
@@ -78,4 +79,11 @@ WRONG: dict[str, Callable[[Tool], Any]] = {
 def test_units_that_do_not_fit_the_tool(change: Callable[[Tool], Any]) -> None:
     tool = deepcopy(MOVE)
     change(tool["units"])
-    assert codes(tool) == ["INTERFACE-UNITS-WRONG"]
+    assert {*codes(tool)} == {"INTERFACE-UNITS-WRONG"}
+
+
+def test_the_cure_of_a_report_is_about_the_report() -> None:
+    tool = deepcopy(MOVE)
+    tool["units"]["reports"].pop("unit")
+    [found] = units_wrong({"tools": [tool]}, Artifacts())
+    assert "`reports.unit`" in str(found.hint) and "input_schema" not in str(found.hint)

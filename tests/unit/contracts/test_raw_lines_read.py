@@ -194,6 +194,7 @@ def test_a_graver_effect_is_one_that_somebody_knows_and_else_left_out() -> None:
     assert declared({}, **graver, answers=ANSWER) == []
     [found] = problems("interface", interface({}, **graver), known(artifacts))
     assert found.code == "INTERFACE-EFFECT-DIFFERS" and "unsafe" in str(found.hint)
+    assert str(found.hint).startswith("write read, as IDENTIFY has read_angle")
 
 
 def test_a_capability_is_left_out_as_unsafe_alone_or_with_its_device() -> None:
