@@ -85,7 +85,8 @@ class ProfileFacts:
     with ``minimum`` or ``maximum`` concern the contract: they have a ``parameter``; ``tool`` narrows one to the tools
     or capabilities that this glob matches, and ``unit`` names the unit of both numbers. ``commands`` are those of its
     protocol definition as an agent gets them (``tool``, ``effect``, ``parameters`` by name), none where it has no
-    protocol definition. ``product`` is what the profile calls the product, "" where it does not say.
+    protocol definition. ``product`` is what the profile calls the product, "" where it does not say, and ``grammar``
+    its whole protocol definition as an agent gets it, empty without one.
     """
 
     name: str
@@ -93,6 +94,7 @@ class ProfileFacts:
     limits: tuple[Mapping[str, Any], ...] = ()
     commands: tuple[Mapping[str, Any], ...] = ()
     product: str = ""
+    grammar: Mapping[str, Any] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, slots=True)

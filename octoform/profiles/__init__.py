@@ -2,13 +2,23 @@
 
 from octoform.profiles.model import Profile
 from octoform.profiles.profile_parser import load, load_text
-from octoform.profiles.selection import briefing, commands, contributions, devices_of, for_task, near, packaging
+from octoform.profiles.selection import (
+    briefing,
+    commands,
+    contributions,
+    definition,
+    devices_of,
+    for_task,
+    near,
+    packaging,
+)
 
 __all__ = [
     "Profile",
     "briefing",
     "commands",
     "contributions",
+    "definition",
     "devices_of",
     "for_task",
     "load",

@@ -66,6 +66,11 @@ def commands(profile: Profile) -> tuple[Mapping[str, Any], ...]:
     return tuple(plain(profile.grammar)["commands"]) if profile.grammar is not None else ()
 
 
+def definition(profile: Profile) -> Mapping[str, Any]:
+    """Its protocol definition as JSON, empty where it has none."""
+    return plain(profile.grammar) if profile.grammar is not None else {}
+
+
 def briefing(profile: Profile, ids: Collection[str]) -> str:
     """The profile as an agent gets it: the devices that it matches, its limits, its prose; no other device.
 

@@ -277,6 +277,8 @@ def test_what_holds_for_good_waits_for_a_person_who_can_also_take_it_back(bench:
 
 
 TIMES_TEN = [['line = f"MOVE_X {steps:d}"', 'line = f"MOVE_X {steps * 10:d}"']]
+HIDDEN_TEN = [['line = f"MOVE_X {steps:d}"', 'line = f"MOVE_X {max(steps, steps * 10, key=abs):d}"']]
+"""The same in words that are not computed before anything runs."""
 
 
 def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
@@ -315,10 +317,18 @@ def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
     return done
 
 
-def test_a_rewrite_that_would_move_more_than_the_caller_says_waits_for_a_person(bench: Bench) -> None:
+def test_a_rewrite_that_contradicts_the_profile_is_refused(bench: Bench) -> None:
     server = Layout(bench.project.folder, bench.project.host).output("serve")
     before = server.read_text()
     (done,) = healed(bench, TIMES_TEN)
+    assert (done["ok"], done["changed"]) == (False, False) and server.read_text() == before
+    assert "SERVE-PROFILE-CONTRADICTED" in str(done["detail"]) and "MOVE_X 70" in str(done["detail"])
+
+
+def test_a_rewrite_that_would_move_more_than_the_caller_says_waits_for_a_person(bench: Bench) -> None:
+    server = Layout(bench.project.folder, bench.project.host).output("serve")
+    before = server.read_text()
+    (done,) = healed(bench, HIDDEN_TEN)
     assert (done["ok"], done["changed"], done["again"]) == (False, False, False), done
     found = re.search(r"octoform confirm (r\w+)", str(done["detail"]))
     assert found is not None and "rail_move_x" in str(done["detail"]), done

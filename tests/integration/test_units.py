@@ -159,7 +159,8 @@ def test_a_tighter_range_of_one_joint_holds_whichever_tool_moves_it(bench: Bench
     assert json.loads((bench.layout.endpoint / "policy.json").read_bytes())["tools"]["arm_home"]["units"]
 
 
-MORE = [["move(joint, position", "move(joint, position * 2"]]
+MORE = [["move(joint, position", "move(joint, max(position, position * 2, key=int)"]]
+"""Twice as far, in words that are not computed before anything runs."""
 AGENT_WORDS = {
     "format": 1,
     "stage": "heal",

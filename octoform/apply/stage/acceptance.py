@@ -24,7 +24,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.profile_paths import shipped
-from octoform.profiles import Profile, commands, contributions, devices_of, load
+from octoform.profiles import Profile, commands, contributions, definition, devices_of, load
 from octoform.protocol.prompt import tail
 from octoform.records import dataclass
 from octoform.state.os_errors import refusal
@@ -200,7 +200,7 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
     manifest = context.manifest
     held = {profile.name: devices_of(profile, probe, manifest.answers) for profile in context.profiles}
     facts = {
-        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product)
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product, definition(item))
         for item in context.profiles
     }
     budget = manifest.budget_for("interface").tools

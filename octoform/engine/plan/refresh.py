@@ -19,7 +19,7 @@ from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior
-from octoform.profiles import Profile, commands, devices_of
+from octoform.profiles import Profile, commands, definition, devices_of
 from octoform.protocol import DUTIES, Step
 from octoform.records import dataclass
 from octoform.state.accepted import observe as observe_files
@@ -146,7 +146,7 @@ def verify(compiled: Compiled, stage: str, artifacts: Mapping[str, Any]) -> list
     manifest = compiled.manifest
     held = {item.name: devices_of(item, probe, manifest.answers) for item in compiled.profiles}
     facts = {
-        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product)
+        item.name: ProfileFacts(item.name, held[item.name], item.limits, commands(item), item.product, definition(item))
         for item in compiled.profiles
     }
     budget = manifest.budget_for("interface").tools

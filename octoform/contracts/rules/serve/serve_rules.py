@@ -17,6 +17,7 @@ from octoform.contracts.rules.serve import (
     failure_rules,
     line_rules,
     outcome_rules,
+    profile_rules,
     reading_rules,
     tool_rules,
     value_rules,
@@ -34,9 +35,7 @@ from octoform.contracts.server_code.places import constants
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, read_source, walk
 from octoform.diagnostics import Diagnostic
 
-# A tool that acts declares it when it asks for its device. A reading of the wrong one of two equal devices misleads; a
-# movement of the wrong one hurts. Only who asks with `actuate=True` is refused where nothing shows which is meant.
-
+# A reading of the wrong one of two equal devices misleads; a movement of the wrong one hurts.
 CODE = "SERVE-ACTUATE-UNBOUND"
 _HINT = "write runtime.device(id, actuate=True) in a tool that acts"
 
@@ -488,6 +487,7 @@ RULES = (
     *outcome_rules.RULES,
     *line_rules.RULES,
     *exchange_rules.RULES,
+    *profile_rules.RULES,
 )
 
 
