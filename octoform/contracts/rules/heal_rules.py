@@ -6,6 +6,7 @@ What a rewritten server itself may be is held by SERVE's contract and by the com
 import ast
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
+from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
@@ -147,7 +148,11 @@ def bereft(accepted: str, rewritten: str, functions: Iterable[str]) -> list[Diag
     known = {item.name for item in _functions(old)}
     before = _Side(old, tuple(item for item in _functions(old) if item.name in named))
     after = _Side(new, tuple(item for item in _functions(new) if item.name in named or item.name not in known))
-    return [*_reads_less(before, after, known), *_invents(before, after)]
+    return [
+        *_reads_less(before, after, known),
+        *_invents(before, after),
+        *_hides(before, after),
+    ]
 
 
 def _functions(source: Source) -> list[Function]:
@@ -170,7 +175,7 @@ def _reads_less(before: _Side, after: _Side, known: set[str]) -> Iterator[Diagno
 def _calls(side: _Side) -> Iterator[ast.Call]:
     """Every call that is no part of an error's words, nor of a decorator."""
     for function in side.functions:
-        for statement in function.body:
+        for statement in _reached(function.body):
             yield from (node for node in _below(statement) if isinstance(node, ast.Call))
 
 
@@ -178,8 +183,18 @@ def _below(node: ast.AST) -> Iterator[ast.AST]:
     if isinstance(node, ast.Raise):
         return
     yield node
-    for child in ast.iter_child_nodes(node):
-        yield from _below(child)
+    for _, part in ast.iter_fields(node):
+        for child in _reached(part) if isinstance(part, list) else [part]:
+            if isinstance(child, ast.AST):
+                yield from _below(child)
+
+
+def _reached(block: list[Any]) -> Iterator[Any]:
+    """The statements of a block up to the one behind which nothing is run."""
+    for item in block:
+        yield item
+        if isinstance(item, ast.Return | ast.Raise | ast.Continue | ast.Break):
+            return
 
 
 def _name(call: ast.Call) -> str:
@@ -228,3 +243,52 @@ def _asks(value: ast.expr) -> bool:
 
 def _placed(source: Source, node: ast.AST, summary: str) -> Diagnostic:
     return replace(source.problem(INVENTS, node, summary, _NO_VALUE), path=PATH)
+
+
+HIDES = "HEAL-HIDES"
+
+
+def _live(side: _Side) -> Iterator[ast.AST]:
+    """Every part of the functions that may be run, errors with it."""
+    waiting: list[ast.AST] = [item for function in side.functions for item in _reached(function.body)]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for _, part in ast.iter_fields(node):
+            parts = list(_reached(part)) if isinstance(part, list) else [part]
+            waiting += [item for item in parts if isinstance(item, ast.AST)]
+
+
+def _hides(before: _Side, after: _Side) -> Iterator[Diagnostic]:
+    """Nothing is tried again, kept for a later call or waited for longer; what is caught is the review's."""
+    hint = "fix what is wrong; where the code is right and the device fails, the status is not_mine"
+    for what, count in (
+        ("tries again", _tried_again),
+        ("keeps what was read", _kept),
+        ("waits longer", _waited),
+    ):
+        if count(after) > count(before):
+            yield error(HIDES, f"the rewrite {what}", path=PATH, hint=hint)
+
+
+def _tried_again(side: _Side) -> float:
+    """Loops that are left as soon as what they try has gone well."""
+    loops = [node for node in _live(side) if isinstance(node, ast.For | ast.While)]
+    return sum(
+        any(isinstance(item, ast.If) and any(isinstance(each, ast.Break) for each in item.body) for item in loop.body)
+        or any(isinstance(item, ast.Try) for item in loop.body)
+        for loop in loops
+    )
+
+
+def _kept(side: _Side) -> float:
+    return sum(isinstance(node, ast.Global | ast.Nonlocal) for node in _live(side))
+
+
+def _waited(side: _Side) -> float:
+    """Seconds that are slept or waited for, as far as they are numbers."""
+    calls = [node for node in _live(side) if isinstance(node, ast.Call)]
+    slept = [call.args[0] for call in calls if _name(call).rpartition(".")[2] == "sleep" and call.args]
+    waits = [item.value for call in calls for item in call.keywords if item.arg == "timeout"]
+    numbers = [item.value for item in (*slept, *waits) if isinstance(item, ast.Constant)]
+    return float(sum(each for each in numbers if isinstance(each, int | float)))

@@ -94,6 +94,63 @@ def test_a_way_to_silence_a_tool_is_refused(old: str, new: str, function: str, c
     assert code in codes(old, new, function)
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "function", "code"),
+    [
+        (
+            '        _check(heat)\n        return {"position": position, "heat": heat}',
+            '        return {"position": position, "heat": heat}\n        _check(heat)',
+            "read_joint",
+            "HEAL-READS-LESS",
+        ),
+        (
+            "    ok, frame = camera.read()",
+            "    for _ in range(50):\n        ok, frame = camera.read()\n        if ok:\n            break",
+            "grab",
+            "HEAL-HIDES",
+        ),
+        ("    line.write", "    time.sleep(30)\n    line.write", "ask", "HEAL-HIDES"),
+        ("line.readline()", "line.readline(timeout=60)", "ask", "HEAL-HIDES"),
+        (
+            "    return position, heat",
+            "    global LAST\n    LAST = (position, heat)\n    return LAST",
+            "_read",
+            "HEAL-HIDES",
+        ),
+    ],
+)
+def test_a_way_to_hide_a_failure_is_refused(old: str, new: str, function: str, code: str) -> None:
+    assert code in codes(old, new, function)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "function"),
+    [
+        ("if heat >= HOTTEST:", "if int(heat) >= HOTTEST:", "_check"),
+        (
+            "if heat >= HOTTEST:",
+            "if heat is None:\n        raise ToolError('no heat')\n    if heat >= HOTTEST:",
+            "_check",
+        ),
+        ("    if not ok:", "    if ok is False:", "grab"),
+        (
+            "    ok, frame = camera.read()",
+            "    for _ in range(5):\n        camera.grab()\n    ok, frame = camera.read()",
+            "grab",
+        ),
+        ('line.write(b"?")', 'line.write(b"T?")', "ask"),
+        (
+            "    return int(line.readline().decode())",
+            "    try:\n        return int(line.readline().decode())\n    except ValueError as problem:\n"
+            "        raise ToolError('no number') from problem",
+            "ask",
+        ),
+    ],
+)
+def test_an_honest_repair_in_unusual_form_passes(old: str, new: str, function: str) -> None:
+    assert codes(old, new, function) == []
+
+
 def test_a_function_that_is_not_named_is_not_looked_at() -> None:
     assert codes("heat = bus.read1(unit, 62)", "heat = 30", "grab") == []
 
