@@ -34,6 +34,11 @@ def capability(name: str, description: str, **more: Any) -> dict[str, Any]:
 
 
 ANGLES = capability("read_angles", "Read the present angle of each joint.")
+COUNTS = {
+    "type": "object",
+    "properties": {"angles": {"type": "array", "items": {"type": "integer", "description": "raw counts"}}},
+    "required": ["angles"],
+}
 TEXT = capability("listen_board", "Return what the board has sent by itself.")
 
 
@@ -86,9 +91,16 @@ class Said:
     text: str
 
 
+@dataclass
+class Angles:
+    """The reply of the joints."""
+
+    angles: list[int]
+
+
 @mcp.tool(annotations={READ!r})
 @runtime.logged
-def read_angles() -> Said:
+def read_angles() -> Angles:
     """Read the present angle of each joint."""
     import serial
 
@@ -96,7 +108,7 @@ def read_angles() -> Said:
     with runtime.device("{ARM}").bus() as unit:
         with serial.Serial(unit.node("tty"), 1_000_000, timeout=0.3, exclusive=True) as port:
             #WRITE#
-            return Said(text=port.read(6).hex())
+            return Angles(angles=list(port.read(6)))
 
 
 @mcp.tool(annotations={READ!r})
@@ -136,7 +148,10 @@ class Bench:
         return found(identify(self.probe, IdDatabases(self.host)), list(arm))
 
     def interface(self, *more: dict[str, Any]) -> dict[str, Any]:
-        tools = [tool("read_angles", ARM, ANGLES["description"]), tool("listen_board", BOARD, TEXT["description"])]
+        tools = [
+            tool("read_angles", ARM, ANGLES["description"], output_schema=COUNTS),
+            tool("listen_board", BOARD, TEXT["description"]),
+        ]
         served = {ARM, BOARD}
         left = [each for each in self.identified(ANGLES)["left_out"] if each["id"] not in served]
         left += [

@@ -478,6 +478,7 @@ _BARE = frozenset({"result", "text", "output", "value", "response", "answer", "s
 _ALL_IN_ONE = re.compile(r"(?i)\b(?:as|in|one|whole|plain) text\b|\boutput of\b|\bto be parsed\b|\beverything\b")
 _READS_TEXT = frozenset(
     {"text", "barcode", "barcodes", "code", "label", "message", "ocr", "card", "tag", "badge", "page"}
+    | {"listen", "console", "log", "line", "lines", "sentence", "sentences"}
 )
 """Words of a capability whose reading is text: that on a label."""
 RULES = (
