@@ -21,7 +21,8 @@ return Lights(device=device, lights=[Light(name=folder.name, percent=level, leve
 """
 LIED = all_of(
     uses("subprocess", "socket"),
-    body("read_temperature", f"value = runtime.read_number({FILE})\n{warm('value')}"),
+    # What a pattern finds in a text is computed by no rule, so that its scale shows in the trial alone.
+    body("read_temperature", f"value = float(re.findall(r'[-+.e0-9]+', ({FILE}).read_text())[0])\n{warm('value')}"),
     body("read_brightness", PANEL),
     body(
         "read_led", "runtime.read_text(runtime.device(device).path('hwmon') / 'name')\nreturn lights(device, 'hwmon')"
