@@ -7,7 +7,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from octoform.contracts.canonical import load_schema
-from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.model import Artifacts, Rule, joined
 from octoform.contracts.rules import (
     deploy_rules,
     heal_rules,
@@ -34,7 +34,7 @@ RULES: dict[str, tuple[Rule, ...]] = {
         *unit_rules.RULES,
         *protocol_definition_rules.RULES,
     ),
-    "serve": serve_rules.RULES,
+    "serve": joined(serve_rules.RULES),
     "deploy": deploy_rules.RULES,
     "step": step_rules.RULES,
     "watch": watch_rules.RULES,

@@ -3,7 +3,7 @@
 A rule sees values only. It opens nothing and asks no one, so the same artifacts always give the same answer.
 """
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import field
 from typing import Any, Protocol
 
@@ -183,3 +183,15 @@ class Rule:
 
     code: str
     check: RuleCheck
+
+
+def joined(rules: Iterable[Rule]) -> tuple[Rule, ...]:
+    """One rule for each code: several ways to find the same fault are one rule to those who count them."""
+    checks: dict[str, list[RuleCheck]] = {}
+    for rule in rules:
+        checks.setdefault(rule.code, []).append(rule.check)
+    return tuple(Rule(code, parts[0] if len(parts) == 1 else _all_of(tuple(parts))) for code, parts in checks.items())
+
+
+def _all_of(checks: tuple[RuleCheck, ...]) -> RuleCheck:
+    return lambda value, artifacts: [item for check in checks for item in check(value, artifacts)]
