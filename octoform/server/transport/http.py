@@ -32,6 +32,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from octoform.base.files import parse
 from octoform.server.execution.result_size import at_least
 from octoform.server.process.descriptor import Descriptor
 from octoform.server.process.stderr_log import Throttle
@@ -380,9 +381,20 @@ class _Refusals:
             return
 
         replaced = False
+        body: list[bytes] = []
+
+        async def heard() -> Message:
+            message = await receive()
+            body.append(message.get("body") or b"")
+            return message
 
         async def noted(message: Message) -> None:
             nonlocal replaced
+            if message.get("status") == 202 and _waits(b"".join(body)):
+                replaced = True
+                _log_status(scope, 400)
+                await _NO_ID(scope, receive, send)
+            body.clear()  # an answer may stream for hours
             verdict = scope["path"] == HEALTH and message.get("status") == 503  # an answer, and no refusal
             if message["type"] == "http.response.start" and message["status"] >= 400 and not verdict:
                 _log_status(scope, message["status"])
@@ -400,9 +412,21 @@ class _Refusals:
             text = "a token belongs into the Authorization header, never into the address"
             await JSONResponse({"error": "invalid_request", "error_description": text}, 400)(scope, receive, noted)
             return
-        await self._app(scope, receive, noted)
+        await self._app(scope, heard, noted)
 
 
+def _waits(body: bytes) -> bool:
+    """Whether a body that was taken for a notification is a request whose id is none, and waits for an answer."""
+    try:
+        message = parse(body)
+    except ValueError:
+        return True
+    return isinstance(message, dict) and "method" in message and "id" in message
+
+
+_NO_ID = JSONResponse(
+    {"jsonrpc": "2.0", "id": None, "error": {"code": -32600, "message": "this is no JSON-RPC message"}}, 400
+)
 _NAME = rb"(\[[0-9A-Za-z:.%_-]+\]|[0-9A-Za-z._-]+)(:[0-9]{1,5})?"
 _HOST = re.compile(_NAME)
 _ORIGIN = re.compile(rb"null|[A-Za-z][A-Za-z0-9+.-]*://" + _NAME)

@@ -204,7 +204,7 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
-            if isinstance(message, mcp_types.JSONRPCNotification) and b'"id"' in line and "id" in parse(line):
+            if isinstance(message, mcp_types.JSONRPCNotification) and has_id(line):
                 # A request whose id is no id would pass for a notification, and its sender would wait without end.
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
@@ -243,6 +243,14 @@ class _Lines:
         line = bytes(self._rest[:end])
         del self._rest[: end + 1]
         return line
+
+
+def has_id(text: bytes) -> bool:
+    """Whether a message has an id at its top level; true as well where a number in it is not finite."""
+    try:
+        return b'"id"' in text and "id" in parse(text)
+    except ValueError:
+        return True
 
 
 def _refuse(outbox: _Outbox, line: bytes) -> None:

@@ -306,6 +306,21 @@ def test_a_name_with_a_rest_that_the_guard_would_not_read_is_none_of_ours(
     assert (200 if answered == 503 else answered) == status
 
 
+@pytest.mark.parametrize("identity", ["1.5", "null", "true", "[1]", "{}", "1e400", "NaN"])
+def test_a_request_of_a_session_whose_id_is_none_is_refused_and_not_taken_for_a_notification(
+    shared: Door, identity: str
+) -> None:
+    status, headers, _ = shared.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("secret"))
+    assert status == 200
+    session = bearer("secret") | {"Mcp-Session-Id": headers["mcp-session-id"]}
+    asked = json.dumps({"jsonrpc": "2.0", "id": "ID", "method": "tools/call", "params": {"name": "who"}})
+    body = asked.replace('"ID"', identity)
+    status, _, answer = shared.ask("POST", "/mcp", body=body, headers=session)
+    assert (status, json.loads(answer)["error"]["code"]) == (400, -32600)
+    told = '{"jsonrpc": "2.0", "method": "notifications/cancelled", "params": {"requestId": 9}}'
+    assert shared.ask("POST", "/mcp", body=told, headers=session)[0] == 202
+
+
 def test_a_request_with_a_length_and_chunks_is_refused_and_nothing_behind_it_is_read(shared: Door) -> None:
     ping = b'{"jsonrpc":"2.0","id":1,"method":"ping"}'
     first = head(shared, "Content-Length: 4", "Transfer-Encoding: chunked") + b"0\r\n\r\n"
