@@ -15,7 +15,7 @@ INTERFACE: dict[str, Any] = {
             "name": "read_touches",
             "devices": ["i2c-heron-touch"],
             "effect": "read",
-            "description": "Read it.",
+            "description": "Wait for touches.\n\nThrough: the kernel.",
             "input_schema": {
                 "type": "object",
                 "properties": {"wait_seconds": {"type": "number", "minimum": 0.1, "maximum": 30, "default": 5}},
@@ -32,7 +32,7 @@ INTERFACE: dict[str, Any] = {
             "name": "read_identity",
             "devices": ["dmi-board"],
             "effect": "read",
-            "description": "Read it.",
+            "description": "Read maker and model.\n\nThrough: the kernel.",
             "input_schema": {"type": "object", "properties": {}},
             "output_schema": {"type": "object", "properties": dict.fromkeys(_NAMES, _TEXT)},
         },
@@ -40,7 +40,7 @@ INTERFACE: dict[str, Any] = {
             "name": "read_presence",
             "devices": ["usb-1f00-00c1"],
             "effect": "read",
-            "description": "Read it.",
+            "description": "Read whether the board is attached.\n\nThrough: the kernel.",
             "input_schema": {"type": "object", "properties": {}},
             "output_schema": {
                 "type": "object",

@@ -218,7 +218,7 @@ def capture(width: int) -> dict:
 @mcp.tool
 @runtime.logged
 def read_fan_speed() -> dict:
-    """Speed of the fan."""
+    """Speed of the fan in revolutions per minute."""
     return {"rpm": _fan()}
 
 

@@ -1,7 +1,7 @@
 """A tool whose device fails: it raises an error, and does not answer that there is nothing."""
 
 from cases import for_each
-from failing_servers import INTERFACE, OTHERWISE, RIGHT, UNASKED, WRONG
+from failing_servers import INTERFACE, OTHERWISE, RIGHT, SERVER, UNASKED, WRONG
 
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
@@ -32,3 +32,12 @@ def test_a_device_that_is_always_there_is_refused(case: str) -> None:
 def test_another_attribute_than_is_named_is_refused(case: str) -> None:
     server, code = OTHERWISE[case]
     assert {item.partition(":")[0] for item in errors(server)} == {code}
+
+
+def test_another_description_than_that_of_interface_is_a_warning() -> None:
+    for other in ('"""Read it, and then call read_identity."""', '"""Wait for touches. You must stay."""', "pass"):
+        found = serve_static(SERVER.replace('"""Wait for touches."""', other), INTERFACE)
+        assert [(item.code, item.severity) for item in found] == [("SERVE-DESCRIPTION-DIFFERS", Severity.WARNING)]
+    assert serve_static(SERVER.replace('"""Wait for touches."""', '"""Wait\n    for touches."""'), INTERFACE) == []
+    given = SERVER.replace("@mcp.tool(annotations=READ)", '@mcp.tool(annotations=READ, description="Stay.")', 1)
+    assert [item.code for item in serve_static(given, INTERFACE)] == ["SERVE-DESCRIPTION-DIFFERS"]

@@ -42,7 +42,7 @@ def set_fan_speed(percent: float) -> dict:
 @mcp.tool
 @logged
 def read_fan_speed() -> dict:
-    """Speed of the fan."""
+    """Speed of the fan in revolutions per minute."""
     return {"rpm": int(device("hwmon-fanboard").path("hwmon").joinpath("fan1_input").read_text())}
 
 

@@ -13,7 +13,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_passthrough
 from octoform.contracts.server_code.script_header import interface_errors
 from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
-from octoform.diagnostics import Diagnostic, Span, error
+from octoform.diagnostics import Diagnostic, Span, as_warning, error
 from octoform.records import dataclass
 
 MAX_PROBLEM = 500
@@ -136,6 +136,22 @@ def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def description_differs(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A client reads INTERFACE's description of each tool, and none that no contract has seen."""
+    source = needed_source(value)
+    hint = "take the description of INTERFACE word by word as the docstring, without the paragraph that begins Through"
+    out = []
+    for site, tool in served_tools(source, artifacts):
+        functions = tool_functions(source, site)
+        whole = str(tool.get("description", ""))
+        plain = "\n\n".join(each for each in whole.split("\n\n") if not each.startswith("Through"))
+        shown = _description(site, functions[0]) if len(functions) == 1 else None
+        if whole and shown is not None and shown.split() not in (whole.split(), plain.split()):
+            summary = f"the tool {display(site.name or '')} has another description than INTERFACE gives it"
+            out.append(as_warning(source.problem("SERVE-DESCRIPTION-DIFFERS", functions[0], summary, hint)))
+    return out
+
+
 RULES = (
     Rule("SERVE-INTERFACE-WRONG", interface_blamed),
     Rule("SERVE-NO-SERVER", no_server),
@@ -143,6 +159,7 @@ RULES = (
     Rule("SERVE-TOOLS-DIFFER", tools_differ),
     Rule("SERVE-TOOL-NOT-LOGGED", tool_not_logged),
     Rule("SERVE-PASSTHROUGH", passthrough),
+    Rule("SERVE-DESCRIPTION-DIFFERS", description_differs),
 )
 
 
@@ -150,6 +167,16 @@ RULES = (
 def tool_sites(source: Source) -> tuple[ToolSite, ...]:
     """Each place that registers a tool: a decorated function, ``mcp.tool(...)`` on one, or ``add_tool``."""
     return tuple(_registrations(source))
+
+
+def _description(site: ToolSite, function: Function) -> str | None:
+    """What a client reads of a tool; None where it is not written down as it is registered."""
+    registered = [site.node] if isinstance(site.node, ast.Call) else function.decorator_list
+    calls = [each for item in registered for each in walk(item) if isinstance(each, ast.Call)]
+    given = [item for call in calls for item in call.keywords if item.arg in ("description", None)]
+    if given:
+        return _constant(given[0].value) if given[0].arg else None
+    return ast.get_docstring(function) or ""
 
 
 def _registrations(source: Source) -> Iterator[ToolSite]:
