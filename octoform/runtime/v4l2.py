@@ -10,13 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-_ENUM_FMT, _ENUM_FRAMESIZES = (0xC0405602, 64), (0xC02C564A, 44)  # request, size of its structure
+_ENUM_FMT, _ENUM_FRAMESIZES = 0xC0405602, 0xC02C564A
 _MAX_ENTRIES = 64
 CAPTURED = (1, 9)
 """Queues that give pictures: as a whole, in planes."""
 TAKEN = (2, 10)
 """Queues that take pictures."""
-_QUERY_CTRL, _GET_CTRL, _SET_CTRL = (0xC0445624, 68), 0xC008561B, 0xC008561C
+_QUERY_CTRL, _GET_CTRL, _SET_CTRL = 0xC0445624, 0xC008561B, 0xC008561C
 FOCUS = 0x009A090A
 """The control for the way of a lens (V4L2_CID_FOCUS_ABSOLUTE)."""
 
@@ -55,9 +55,8 @@ def codes(node: str, queues: tuple[int, ...]) -> list[str]:
 
 def control(node: str, number: int) -> tuple[int, int, int]:
     """(lowest, highest, present) value of a control of a node or of a part of a camera; OSError where it has none."""
-    request, size = _QUERY_CTRL
     with Path(node).open("rb", 0) as part:
-        found = fcntl.ioctl(part, request, struct.pack("=I", number).ljust(size, b"\0"))
+        found = fcntl.ioctl(part, _QUERY_CTRL, _whole(_QUERY_CTRL, struct.pack("=I", number)))
         _, value = struct.unpack("=Ii", fcntl.ioctl(part, _GET_CTRL, struct.pack("=Ii", number, 0)))
     low, high = struct.unpack_from("=40x2i", found)
     return low, high, value
@@ -94,14 +93,18 @@ def _formats(file: Any, queues: tuple[int, ...]) -> Iterator[tuple[int, bytes, b
             yield struct.unpack_from("=8xI32s4s", answer)
 
 
-def _answers(file: Any, asked: tuple[int, int], start: bytes) -> Iterator[bytes]:
+def _answers(file: Any, request: int, start: bytes) -> Iterator[bytes]:
     """The answers of an enumeration, up to the driver's error that ends it."""
-    request, size = asked
     for index in range(_MAX_ENTRIES):
         try:
-            yield fcntl.ioctl(file, request, (struct.pack("=I", index) + start).ljust(size, b"\0"))
+            yield fcntl.ioctl(file, request, _whole(request, struct.pack("=I", index) + start))
         except OSError:
             return
+
+
+def _whole(request: int, start: bytes) -> bytes:
+    """The structure of a request that begins so; its number holds the size (asm-generic/ioctl.h)."""
+    return start.ljust(request >> 16 & 0x3FFF, b"\0")
 
 
 def _size(kind: int, width: int, widest: int, _step: int, low: int, high: int) -> str:

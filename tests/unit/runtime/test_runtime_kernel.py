@@ -13,9 +13,9 @@ BOTH, READ, WRITE = 3, 2, 1
 @pytest.mark.parametrize(
     ("request_number", "way", "size", "letter", "number"),
     [
-        (v4l2._ENUM_FMT[0], BOTH, struct.calcsize("=3I32s2I3I"), ord("V"), 2),
-        (v4l2._ENUM_FRAMESIZES[0], BOTH, struct.calcsize("=3I6I2I"), ord("V"), 74),
-        (v4l2._QUERY_CTRL[0], BOTH, struct.calcsize("=2I32s3iiI2I"), ord("V"), 36),
+        (v4l2._ENUM_FMT, BOTH, struct.calcsize("=3I32s2I3I"), ord("V"), 2),
+        (v4l2._ENUM_FRAMESIZES, BOTH, struct.calcsize("=3I6I2I"), ord("V"), 74),
+        (v4l2._QUERY_CTRL, BOTH, struct.calcsize("=2I32s3iiI2I"), ord("V"), 36),
         (v4l2._GET_CTRL, BOTH, struct.calcsize("=Ii"), ord("V"), 27),
         (v4l2._SET_CTRL, BOTH, struct.calcsize("=Ii"), ord("V"), 28),
         (gpio._CHIPINFO, READ, struct.calcsize("=32s32sI"), 0xB4, 1),
