@@ -131,7 +131,8 @@ def test_a_killed_endpoint_is_back_and_the_client_goes_on(watch: Watch, caller: 
     since, guest = watch.count(), watch.octoform.guest
     guest.run("pkill -9 -f '[e]ndpoint/serve.py'")
     episode = watch.until(lambda item: item["kind"] == "process_dead" and item["closed"] is not None, since)
-    assert "process" in episode["causes"]
+    # The end of the process is told by the kernel. A guest so slow that a check falls before it may have asked first.
+    assert {"process", "ping"} & set(episode["causes"]), episode
     assert episode["outcome"] == "repaired", episode
     caller.call("rail_position", device=RAIL)
     seconds = episode["closed_uptime"] - episode["opened_uptime"]
