@@ -176,7 +176,9 @@ def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[
     recall = remember(_recall(known.shelf), facts)
     ledger = Ledger.open(layout, clock, Settings()) if layout.daemon.is_dir() else Ledger(layout, clock, Settings())
     readings = Sensors(layout, ledger.make)() if facts.process is not None and facts.answers else ()
-    findings = judge(facts, None, recall, readings, known.frozen)
+    # Where a device was last is the daemon's own record: the runtime finds the device anyway, and its tools work.
+    found = judge(facts, None, recall, readings, known.frozen)
+    findings = [each for each in found if each.repair is not Repair.REBIND]
     claims: tuple[Claim, ...] = ()
     expected: Iterable[Signal] = ()
     if layout.daemon.is_dir():

@@ -186,6 +186,18 @@ def test_without_a_daemon_the_door_calls_nothing_healthy_that_nobody_looked_at(b
     assert bench.status() == bench.health() == "healthy", "these two look themselves"
 
 
+def test_without_a_daemon_a_device_that_works_in_another_place_is_well(bench: Bench) -> None:
+    bench.host.unplug("1-1")
+    bench.host.camera("1-5", 1)
+    try:
+        bench.project.run("call", "capture_image", status=0)
+        assert (bench.status(), bench.health()) == ("healthy", "healthy"), bench.project.run("status").out
+        assert "another place" not in bench.project.run("status").out + bench.project.run("health").out
+    finally:
+        bench.host.unplug("1-5")
+        bench.host.camera("1-1", 0)
+
+
 def test_a_daemon_that_died_vouches_for_nothing(bench: Bench) -> None:
     """Its last status file is stale: a command looks itself, and who cannot look does not call it healthy."""
     with bare(bench.project):
