@@ -113,3 +113,106 @@ RIGHT: dict[str, Edit] = {
         _HOME + '\n    with open("/tmp/rail.log", "a") as log:\n        log.write("home")',
     ),
 }
+
+_HEAD = """# /// script
+# requires-python = ">=3.11"
+# dependencies = ["fastmcp>=4.1,<4.2", "pyserial", "feetech-servo-sdk"]
+# ///
+import re
+
+import runtime
+from fastmcp import FastMCP
+from fastmcp.exceptions import ToolError
+
+mcp = FastMCP("bench")
+ACT = {"readOnlyHint": False, "destructiveHint": False, "idempotentHint": False, "openWorldHint": False}
+"""
+_TOOL = "\n\n@mcp.tool(annotations=ACT)\n@runtime.logged\n"
+OWN_RAIL = f"""{_HEAD}
+BAUD = 115_200
+
+
+def talk(command: str) -> str:
+    import serial
+
+    with runtime.device("usb-2341-804f", actuate=True).bus() as unit:
+        port = serial.Serial()
+        port.port, port.baudrate, port.timeout = unit.node("tty"), BAUD, 25
+        port.open()
+        try:
+            port.reset_input_buffer()
+            port.write(command.encode("ascii") + b"\\n")
+            answer = port.readline().decode("ascii", "replace").strip()
+        finally:
+            port.close()
+    if answer != "OK":
+        raise ToolError(f"the rail answered {{answer[:40]!r}}")
+    return answer
+{_TOOL}def rail_move_x(steps: int) -> dict:
+    return {{"answer": talk(f"MOVE_X {{steps}}")}}
+{_TOOL}def rail_move_y(steps: int) -> dict:
+    words = ["MOVE_Y", str(steps)]
+    return {{"answer": talk(" ".join(words))}}
+{_TOOL}def rail_home() -> dict:
+    return {{"answer": talk("HOME")}}
+"""
+OWN_ARM = f"""{_HEAD}
+JOINTS = {{"shoulder_pan": 1, "shoulder_lift": 2, "elbow_flex": 3, "wrist_flex": 4, "wrist_roll": 5, "gripper": 6}}
+GOAL, PRESENT, TORQUE = 42, 56, 40
+
+
+class Arm:
+    def __init__(self, node):
+        import scservo_sdk
+
+        self.port, self.packets = scservo_sdk.PortHandler(node), scservo_sdk.PacketHandler(0)
+        self.port.openPort()
+        self.port.setBaudRate(1_000_000)
+
+    def read(self, number, address):
+        value, result, flags = self.packets.read2ByteTxRx(self.port, number, address)
+        if result or flags:
+            raise ToolError(f"joint {{number}} does not answer")
+        return value
+
+    def write(self, number, address, value):
+        result, flags = self.packets.write2ByteTxRx(self.port, number, address, value)
+        if result or flags:
+            raise ToolError(f"joint {{number}} does not answer")
+{_TOOL}def arm_move_joint(joint: str, position: int, speed: int = 400) -> dict:
+    with runtime.device("usb-1a86-55d3", actuate=True).bus() as unit:
+        arm = Arm(unit.node("tty"))
+        arm.packets.write1ByteTxRx(arm.port, JOINTS[joint], TORQUE, 1)
+        arm.write(JOINTS[joint], 46, speed)
+        arm.write(JOINTS[joint], GOAL, position)
+        return {{"position": arm.read(JOINTS[joint], PRESENT)}}
+{_TOOL}def arm_stop() -> dict:
+    with runtime.device("usb-1a86-55d3", actuate=True).bus() as unit:
+        arm = Arm(unit.node("tty"))
+        for number in JOINTS.values():
+            arm.packets.write2ByteTxRx(arm.port, number, GOAL, arm.read(number, PRESENT))
+        arm.packets.write1ByteTxRx(arm.port, 254, TORQUE, 1)
+    return {{"stopped": True}}
+"""
+# a server in words of its own -> edits that contradict the profile, each with words of the finding
+OWN: dict[str, tuple[str, dict[tuple[str, str], str]]] = {
+    "rail": (
+        OWN_RAIL,
+        {
+            ("BAUD = 115_200", "BAUD = 9600"): "9600",
+            ('f"MOVE_X {steps}"', 'f"MOVE_X {-steps}"'): "MOVE_X -7",
+            ('["MOVE_Y", str(steps)]', '["MOVE_X", str(steps)]'): "MOVE_X 7",
+            ('talk("HOME")', 'talk("HOMEALL")'): "HOMEALL",
+            ('command.encode("ascii")', 'command.lower().encode("ascii")'): "move_x 7",
+        },
+    ),
+    "arm": (
+        OWN_ARM,
+        {
+            ("1_000_000", "115_200"): "115200",
+            ("GOAL, PRESENT, TORQUE = 42", "GOAL, PRESENT, TORQUE = 44"): "register 44",
+            ("GOAL, arm.read(number, PRESENT))", "GOAL, 2048)"): "2048",
+            ("arm.port, 254, TORQUE", "arm.port, 9, TORQUE"): "unit 9",
+        },
+    ),
+}

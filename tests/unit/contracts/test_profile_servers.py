@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from cases import for_each
-from profile_servers import LAMP, RIGHT, WRONG
+from profile_servers import LAMP, OWN, RIGHT, WRONG
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
@@ -65,3 +65,14 @@ def test_what_says_it_in_other_words_is_accepted(case: str) -> None:
 def test_without_a_protocol_definition_nothing_is_judged() -> None:
     server, known = served("rail")
     assert contradicted(server.replace("MOVE_X", "JOG"), Artifacts(interface=known.interface)) == []
+
+
+@for_each("name", OWN)
+def test_a_server_in_words_of_its_own_is_held_to_the_same(name: str) -> None:
+    server, edits = OWN[name]
+    _, known = served(name)
+    assert contradicted(server, known) == []
+    for (old, new), words in edits.items():
+        assert old in server
+        found = [item.summary for item in contradicted(server.replace(old, new), known)]
+        assert any(words in item for item in found), (new, found)

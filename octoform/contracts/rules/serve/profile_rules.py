@@ -31,6 +31,8 @@ _RAW = {"read1ByteTxRx", "read2ByteTxRx", "write1ByteTxRx", "write2ByteTxRx", "w
 _NUMBER = re.compile(r"([+-]?\d+(?:\.\d+)?)")
 Found = Iterator[tuple[ast.AST, str]]
 Grammar = Mapping[str, Any]
+_ALL_UNITS = {254.0}
+"""The address by which the libraries of servo buses reach every unit at once."""
 
 
 def contradicted(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -116,8 +118,9 @@ class _Judge:
             stated += [(call, item) for item in (call.args[1:2] if opens else ())]
             stated += [(call, item) for item in (call.args[:1] if name.rpartition(".")[2] == "setBaudRate" else ())]
         for node in self._source.by_kind[ast.Assign]:
-            named = any(isinstance(item, ast.Attribute) and item.attr == "baudrate" for item in node.targets)
-            stated += [(node, node.value)] if named and self._source.owner(node) in self._used else []
+            pairs = [each for item in node.targets for each in _pairs(item, node.value)]
+            named = [each for item, each in pairs if isinstance(item, ast.Attribute) and item.attr == "baudrate"]
+            stated += [(node, each) for each in named if self._source.owner(node) in self._used]
         speeds = [(node, self._numbers(each)) for node, each in stated]
         if baud is None or any(each is None for _, each in speeds):
             return
@@ -128,7 +131,7 @@ class _Judge:
     def _raw(self, registers: Grammar) -> Found:
         """Addresses and units of calls of the maker's library that the profile does not have."""
         addresses = {float(field["address"]) for field in registers.get("fields", {}).values()}
-        units = {float(number) for number in registers.get("units", {}).values()}
+        units = {float(number) for number in registers.get("units", {}).values()} | _ALL_UNITS
         for call, name in self._calls():
             if name.rpartition(".")[2] in _RAW and len(call.args) > 2:
                 one, at = self._numbers(call.args[1]), self._numbers(call.args[2])
@@ -235,6 +238,13 @@ class _Judge:
                 at = each.argument(1, "goal")
                 if is_plain(at) and at != given["position"]:
                     yield each.node, f"{display(tool)} moves to {at} where it is given {given['position']}"
+
+
+def _pairs(target: ast.expr, value: ast.expr) -> list[tuple[ast.expr, ast.expr]]:
+    """(target, value) of an assignment, one after the other where several are made at once."""
+    if isinstance(target, ast.Tuple) and isinstance(value, ast.Tuple):
+        return list(zip(target.elts, value.elts, strict=False))
+    return [(target, value)]
 
 
 def _lines_of(sent: Sent) -> list[str]:
