@@ -91,16 +91,16 @@ class Latch:
         return before
 
     @contextlib.contextmanager
-    def held(self, seconds: float) -> Iterator[bool]:
+    def held(self, seconds: float) -> Iterator[bool | None]:
         """Changes of the latch and their records in one order: True inside while no other holds this.
 
-        Waits up to ``seconds``, then goes on with False: an emergency stop waits for no one.
+        Waits up to ``seconds``, then goes on with False: an emergency stop waits for no one. None: no lock can be had.
         """
         try:
             private_folder(self.path.parent)
             lock = lock_file(self.path.with_suffix(".lock"))
         except OSError:
-            yield False
+            yield None
             return
         try:
             yield acquire(lock, seconds)

@@ -203,6 +203,18 @@ def test_nothing_is_cleared_that_cannot_be_recorded(tmp_path: Path) -> None:
     assert stop.latch.engaged() is not None
 
 
+def test_a_lock_that_cannot_be_opened_is_not_called_another_stop(tmp_path: Path) -> None:
+    """As on a file system that is read-only by now."""
+    stop = emergency(tmp_path)
+    stop.stop("ada", "")
+    lock = stop.latch.path.with_suffix(".lock")
+    lock.unlink()
+    lock.mkdir()
+    answer = stop.clear("eve")
+    assert (answer["ok"], answer["latched"]) == (False, True)
+    assert answer["problems"] == ["its lock file cannot be opened", "the emergency stop stays engaged"]
+
+
 def test_a_stop_goes_on_without_latch_file_and_without_log(tmp_path: Path, lines: list[Line]) -> None:
     (tmp_path / "run").write_text("no folder")
     stop = stopping.Emergency(Latch(tmp_path / "run/estop.json"), None, (action("arm"),), ("there is no log",))
