@@ -55,6 +55,8 @@ def limits() -> str:
 
     soft, _ = resource.getrlimit(resource.RLIMIT_NPROC)
     found = [] if soft == resource.RLIM_INFINITY else [f"ulimit -u is {soft}"]
+    room, _ = resource.getrlimit(resource.RLIMIT_AS)  # a thread needs room for its stack
+    found += [] if room == resource.RLIM_INFINITY else [f"ulimit -v is {room // 1024}"]
     most = _pids_max()
     found += [f"pids.max of {most[0]} is {most[1]}"] if most is not None else []
     return ", ".join(found)

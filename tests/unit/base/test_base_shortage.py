@@ -74,3 +74,11 @@ def test_the_smallest_bound_of_the_control_groups_is_reported(monkeypatch: pytes
     monkeypatch.setattr(shortage, "_pids_max", lambda: ("/sys/fs/cgroup/x", 7))
     monkeypatch.setattr(resource, "getrlimit", lambda _: (resource.RLIM_INFINITY, resource.RLIM_INFINITY))
     assert shortage.limits() == "pids.max of /sys/fs/cgroup/x is 7"
+
+
+def test_a_bound_on_memory_is_among_the_limits_since_a_thread_needs_a_stack(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = {resource.RLIMIT_NPROC: resource.RLIM_INFINITY, resource.RLIMIT_AS: 200_000 * 1024}
+    monkeypatch.setattr(resource, "getrlimit", lambda which: (found[which], found[which]))
+    assert "ulimit -v is 200000" in shortage.limits() and "ulimit -u" not in shortage.limits()
+    found[resource.RLIMIT_AS] = resource.RLIM_INFINITY
+    assert "ulimit -v" not in shortage.limits()
