@@ -2,6 +2,7 @@
 
 import importlib.metadata
 import json
+import sys
 import tarfile
 from collections.abc import Callable
 from io import BytesIO
@@ -70,6 +71,16 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         "it comes from 'pydantic'",
     ),
     "an import without a provider": (lambda value: value["imports"].pop(2), "DEPLOY-IMPORT-UNRESOLVED", "pydantic"),
+    "a Python that is not the one here": (
+        puts("python", f">{'.'.join(map(str, sys.version_info[:3]))}"),
+        "DEPLOY-PYTHON-OUTSIDE",
+        "which will serve",
+    ),
+    "a module of Python that is not listed": (
+        lambda value: value["imports"].pop(3),
+        "DEPLOY-IMPORT-UNRESOLVED",
+        "python",
+    ),
     "a range for a version": (puts("requirements.0.version", ">=4.1"), "DEPLOY-SCHEMA", "version"),
     "a program that the server does not start": (
         puts("programs", [{"name": "ffmpeg", "package": "ffmpeg"}]),

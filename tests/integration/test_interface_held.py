@@ -141,7 +141,7 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         PANELS[1],
     ),
     "two devices, and no way to choose": (
-        takes("read_brightness", "device", None, smoke=None),
+        takes("read_brightness", "device", None, smoke={"arguments": {}}),
         "INTERFACE-DEVICE-PARAMETER",
         "enum",
     ),
