@@ -76,10 +76,10 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         "DEPLOY-PYTHON-OUTSIDE",
         "which will serve",
     ),
-    "a module of Python that is not listed": (
+    "the runtime that is not listed": (
         lambda value: value["imports"].pop(3),
         "DEPLOY-IMPORT-UNRESOLVED",
-        "python",
+        "`runtime`",
     ),
     "a range for a version": (puts("requirements.0.version", ">=4.1"), "DEPLOY-SCHEMA", "version"),
     "a program that the server does not start": (
