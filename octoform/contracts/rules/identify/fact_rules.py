@@ -101,6 +101,8 @@ def from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 _SENSES = frozenset({"video4linux", "usb-0e", "hwmon", "thermal", "iio", "power_supply"})
 """Classes of the kernel of which a reading is what comes out, unless a capability acts."""
+_TOUCHED = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:touchscreen|touchpad|tablet)\b")
+"""Inputs that a hand works on, whatever the device is called."""
 _SHINES = frozenset({"leds", "backlight"})
 """Classes of the kernel that only take a value and give back what was set."""
 _LEAST_WORDS = 4
@@ -118,7 +120,7 @@ def category_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         if entry is None or entry.get("context") or known_by_a_person(device, artifacts):
             continue
         ways = ways_of(entry)
-        right = _right_category(device, ways)
+        right = _right_category(device, ways, bool(_TOUCHED.search(entry["raw_descriptor"])))
         if right is not None:
             shows = f"PROBE shows {listed(sorted(ways))} of it"
             summary = f"{display(device['id'])} is of the category {device['category']}, and {shows}"
@@ -129,10 +131,10 @@ def category_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def _right_category(device: JsonObject, ways: frozenset[str]) -> str | None:
+def _right_category(device: JsonObject, ways: frozenset[str], touched: bool) -> str | None:
     """The category that the classes show where another one is stated; None where they say nothing against it."""
     effects = {capability["effect"] for capability in device["capabilities"]}
-    if device["category"] == "actuator" and effects == {"read"} and (ways & _SENSES or "input" in ways):
+    if device["category"] == "actuator" and effects == {"read"} and (ways & _SENSES or touched):
         return "sensor"
     if device["category"] == "sensor" and ways and ways <= _SHINES:
         return "actuator, or bidirectional where what was set is read as well"
