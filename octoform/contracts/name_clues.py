@@ -194,8 +194,7 @@ _ADDRESSES = frozenset({"register", "reg", "address", "addr", "offset", "opcode"
 _AMOUNTS = frozenset({"value", "values", "data", "length", "size", "count", "bytes", "width"})
 _SPOKEN = frozenset({"message", "msg", "telegram", "pdu", "body", "content", "contents", "line", "words"})
 
-_READ_AS = dict.fromkeys(("list", "show", "report", "check", "retrieve", "obtain"), "read")
-_READ_AS["event"] = "events"
+_READ_AS = {**dict.fromkeys(("list", "show", "report", "check", "retrieve", "obtain"), "read"), "event": "events"}
 _IDLE = frozenset({"for", "the", "of", "a", "all", "user", "device"})
 _EVENTS_WORDS = """
     touch touches key keys keystroke keystrokes keypress keypresses press presses button buttons stroke strokes gesture

@@ -10,8 +10,12 @@ from typing import Any
 
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
+from octoform.contracts.device_kinds import speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.interface import promise_rules, subject_rules
+from octoform.contracts.name_clues import tokens
+from octoform.contracts.rules.interface import subject_rules
+from octoform.contracts.rules.interface.bound_rules import listed_of
+from octoform.contracts.rules.interface.subject_rules import known_text
 from octoform.diagnostics import Diagnostic, error
 
 _INSTANCE = {
@@ -84,7 +88,7 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                     summary = f"a description of {display(tool['name'])} {what}"
                     hint = f"describe what the tool does; {hint}"
                     out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-        for what, hint in (*subject_rules.problems(tool, artifacts), *promise_rules.problems(tool, artifacts)):
+        for what, hint in (*subject_rules.problems(tool, artifacts), *_promised(tool, artifacts)):
             summary = f"the description of {display(tool['name'])} {what}"
             at = pointer("tools", index, "description")
             out.append(error("INTERFACE-DESCRIPTION", summary, pointer=at, hint=hint))
@@ -134,6 +138,47 @@ def attached_devices(artifacts: Artifacts) -> set[str]:
     """The devices that PROBE found at this host, and not in its network."""
     probed = (artifacts.probe or {}).get("devices", ())
     return {device["id"] for device in probed if device.get("interface") != "network"}
+
+
+# What a description promises: no part, quantity or accuracy that its devices do not have.
+
+_PARTS_OF_A_HOST = {
+    **dict.fromkeys(("gpu",), ("gpu", "graphic", "drm", "vga", "radeon", "nvidia")),
+    **dict.fromkeys(("cpu", "processor"), ("cpu", "processor", "core", "package", "pkg", "tctl", "soc", "k10")),
+    **dict.fromkeys(("battery",), ("batter", "power_supply", "pnp0c0a", "ups", "accumulator")),
+    **dict.fromkeys(("camera", "webcam"), ("cam", "video", "uvc", "imag", "sensor", "capture")),
+    **dict.fromkeys(("backlight",), ("backlight",)),
+}
+"""Parts that a description may name, each with what a device of that kind has in its strings."""
+_QUANTITIES = {
+    **{"temperature": "degC", "temperatures": "degC", "humidity": "%", "pressure": "kPa", "voltage": "V"},
+    **{"voltages": "V", "illuminance": "lux", "acceleration": "m/s^2"},
+}
+_NEGATED = re.compile(
+    r"\b(?:no|not|nor|neither|never|without|unlike|nothing|only|cannot|except|instead)\b", re.IGNORECASE
+)
+_ACCURATE = re.compile(
+    r"\b(?:accura\w+|precis\w+)\b[^.;\n\d]{0,20}(?:±\s*)?(\d+(?:\.\d+)?)|±\s*(\d+(?:\.\d+)?)", re.IGNORECASE
+)
+
+
+def _promised(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]]:
+    """(what is wrong, the cure) of a tool's description, up to the paragraph for the next stage."""
+    probed = {each["id"]: each for each in (artifacts.probe or {}).get("devices", ())}
+    if any(speaks_bytes(probed[device]) for device in tool["devices"] if device in probed):
+        return  # what is behind a line, PROBE does not show
+    texts, units = known_text(tool, artifacts), {row.get("unit") for _, row in listed_of(tool, artifacts)}
+    words = tool["description"].partition("Through:")[0]
+    first = re.split(r"[.\n]\s", words.strip())[0]
+    spoken = set(re.findall(r"[a-z]+", first.casefold())) if not _NEGATED.search(first) else set()
+    parts = [each for each in _PARTS_OF_A_HOST.items() if each[0] in spoken]
+    found = [word for word, signs in parts if not any(sign in texts for sign in signs)]
+    if tool["effect"] == "read" and units and None not in units:
+        named = set(tokens(tool["capability"]))
+        found += [word for word, unit in _QUANTITIES.items() if word in spoken - named and unit not in units]
+    found += [each[0] for each in _ACCURATE.finditer(words) if (each[1] or each[2]) not in texts]
+    if found and texts:
+        yield f"has {display(found[0])}, and its devices do not", "describe what PROBE and IDENTIFY show of them"
 
 
 _SINGLES = re.compile(
