@@ -53,7 +53,22 @@ def good(stage: str) -> str:
             text = text.replace(
                 f'"name": "{name}", "version": "{version}"', f'"name": "{name}", "version": "{found(name)}"'
             )
+        others = [f'{{"module": "{name}", "provided_by": "python"}},' for name in standard() if f'"{name}"' not in text]
+        text = text.replace('"imports": [', '"imports": [' + " ".join(others))
     return text
+
+
+def standard() -> list[str]:
+    """The modules of Python that the server in the input imports."""
+    document = os.environ.get("OCTOFORM_TASK")
+    server = Path(json.loads(Path(document).read_text())["input"]) if document else None
+    if server is None or not server.is_file():
+        return []
+    words = [
+        line.split()[1:2] for line in server.read_text().splitlines() if line.lstrip().startswith(("import ", "from "))
+    ]
+    names = {word.rstrip(",").partition(".")[0] for found in words for word in found}
+    return sorted(names & sys.stdlib_module_names - {"__future__"})
 
 
 def found(name: str) -> str:

@@ -116,6 +116,7 @@ def test_the_environment_holds_nothing_of_the_callers_that_was_not_named(shell: 
         "OCTOFORM_TASK": str(task.document),
         "OCTOFORM_PROMPT": str(task.prompt),
         "OCTOFORM_OUTPUT": str(task.output),
+        **agent_environment.certificates({}),
     }
 
 
