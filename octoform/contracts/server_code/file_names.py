@@ -1,7 +1,8 @@
 """What the names of a generated server's own file stand for: constants, records, classes and their methods."""
 
 import ast
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from functools import lru_cache
 from typing import Any
 
 from octoform.contracts.server_code.computed_values import UNKNOWN
@@ -16,12 +17,7 @@ class FileNames:
 
     def __init__(self, source: Source, compute: Callable[[ast.expr], Any]) -> None:
         self._source, self._compute, self._known = source, compute, dict[str, Any]()
-        self._bound: dict[str, list[ast.expr]] = {}
-        self._classes = {item.name: item for item in source.classes}
-        for item in source.tree.body:
-            if isinstance(item, ast.Assign | ast.AnnAssign) and item.value is not None:
-                for target in item.targets if isinstance(item, ast.Assign) else [item.target]:
-                    self._bound.setdefault(ast.unparse(target), []).append(item.value)
+        self._bound, self._classes = _tables(source)
 
     def value(self, name: str) -> Any:
         """The value of a constant of the file; unknown where it is bound more than once."""
@@ -65,3 +61,14 @@ class FileNames:
             if item is not None:
                 yield item
                 waiting = [each.id for each in item.bases if isinstance(each, ast.Name)] + waiting
+
+
+@lru_cache(maxsize=8)  # a tool is computed some hundred times
+def _tables(source: Source) -> tuple[Mapping[str, list[ast.expr]], Mapping[str, ast.ClassDef]]:
+    """What each name of the file is bound to, and its classes."""
+    bound: dict[str, list[ast.expr]] = {}
+    for item in source.tree.body:
+        if isinstance(item, ast.Assign | ast.AnnAssign) and item.value is not None:
+            for target in item.targets if isinstance(item, ast.Assign) else [item.target]:
+                bound.setdefault(ast.unparse(target), []).append(item.value)
+    return bound, {item.name: item for item in source.classes}

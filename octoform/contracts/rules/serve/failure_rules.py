@@ -16,7 +16,7 @@ from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functio
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Spent, Unsure, World
 from octoform.contracts.server_code.failing_evaluator import FAULTS, NEUTRAL, FailingEvaluator, Swallowed
 from octoform.contracts.server_code.flow import Flow
-from octoform.contracts.server_code.server_source import Function, Source, needed_source
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 CODE = "SERVE-DEFAULT-READING"
@@ -36,6 +36,8 @@ def nothing_instead(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     out: dict[ast.AST, Diagnostic] = {}
     for site, tool in served_tools(source, artifacts):
         functions = tool_functions(source, site) if tool["effect"] == "read" else []
+        if not any(_may_swallow(source, each) for each in functions):
+            continue
         for by in _answers(source, flow, tool, functions[0]) if len(functions) == 1 else ():
             summary = f"where its device fails, {display(tool['name'])} answers with nothing, as if it had been read"
             out.setdefault(by.node, source.problem(CODE, by.node, summary, hint))
@@ -69,6 +71,23 @@ def _answers(source: Source, flow: Flow, tool: JsonObject, function: Function) -
                 waiting += [[*call.taken[:at], False] for at in range(len(choices), len(call.taken))]
             if not failed:
                 break
+
+
+def _may_swallow(source: Source, function: Function) -> bool:
+    """Whether something that a tool enters, or that the file puts around it, can let an error pass."""
+    entered = source.entered_from([function])
+    own = {each.name for each in source.functions}
+    if any(
+        own & {name.id for name in ast.walk(item) if isinstance(name, ast.Name)}
+        for each in entered
+        for item in each.decorator_list
+    ):
+        return True
+    parts = (item for each in entered for item in walk(each))
+    return any(
+        isinstance(item, ast.Try) or (isinstance(item, ast.Call) and source.dotted(item.func).endswith("suppress"))
+        for item in parts
+    )
 
 
 def _given(tool: JsonObject) -> dict[str, Any]:

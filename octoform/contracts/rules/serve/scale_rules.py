@@ -23,6 +23,7 @@ _TOLERANCE = 0.02
 _SWEEPS = ((20_000, 137), (20_000, 600), (200, 1), (3000, 7))
 """First raw number and step of each series that a reading is computed for."""
 _IN_A_SERIES = 61
+_NEIGHBOURS = (0, 1, 30, 31, 59, 60)
 _SPEAKS_OF_STEPS = ("step", "round", "nearest", "multiple", "resolution", "coarse", "tens of", "bars", "level")
 
 
@@ -60,6 +61,10 @@ def _step_of(calls: Calls, tool: JsonObject) -> tuple[str, float, str] | None:
     for key in list(first[0].read) if first is not None else ():
         for begin, step in _SWEEPS:
             series = [f"{begin + step * at}" for at in range(_IN_A_SERIES)]
+            # Where neighbours differ at both ends and in the middle, the steps are finer than the series.
+            few = results_of(calls, tool, given, ({key: series[at]} for at in _NEIGHBOURS))
+            if not any(one == two for one, two in zip(few[::2], few[1::2], strict=True)):
+                continue
             results = results_of(calls, tool, given, ({key: raw} for raw in series))
             for name, unit in units.items() if results else ():
                 found = [with_unit(each, name, unit) for each in results]
