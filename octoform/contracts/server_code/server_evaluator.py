@@ -34,10 +34,9 @@ from octoform.contracts.server_code.computed_values import (
 )
 from octoform.contracts.server_code.file_names import FileNames
 from octoform.contracts.server_code.outer_calls import OuterCalls
-from octoform.contracts.server_code.server_source import Function, Source, walk
+from octoform.contracts.server_code.server_source import Function, Source
 
 _MAX_STEPS, _MAX_DEPTH = 8000, 10
-_YIELDS = (ast.Yield, ast.YieldFrom)
 Scope = dict[str, Any]
 
 
@@ -72,7 +71,7 @@ class Evaluator:
 
     def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
         node, taken = inner.node, inner.node.args
-        if any(isinstance(item, _YIELDS) for item in walk(node)) or taken.kwarg or self._depth >= _MAX_DEPTH:
+        if node in self._source.generators or taken.kwarg or self._depth >= _MAX_DEPTH:
             raise Unsure
         places = [*taken.posonlyargs, *taken.args]
         names = [item.arg for item in places]

@@ -156,6 +156,17 @@ class Source:
         return found
 
     @cached_property
+    def generators(self) -> frozenset[ast.AST]:
+        """Each node of the file with a `yield` in it, at any depth."""
+        found: set[ast.AST] = set()
+        for item in (*self.by_kind[ast.Yield], *self.by_kind[ast.YieldFrom]):
+            above = self.parents.get(item)
+            while above is not None and above not in found:
+                found.add(above)
+                above = self.parents.get(above)
+        return frozenset(found)
+
+    @cached_property
     def _entered(self) -> dict[Function, list[Function]]:
         """The names that each function uses: functions of the file, and the methods of its classes."""
         out = {}

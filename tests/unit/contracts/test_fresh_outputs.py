@@ -30,6 +30,8 @@ from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, HostScan
 from octoform.diagnostics import Diagnostic, Severity
 
+pytestmark = pytest.mark.dear
+
 Found = list[Diagnostic]
 Judge = Callable[[Any], Found]
 

@@ -23,6 +23,8 @@ from octoform.builtin.serve.stage import render
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Diagnostic, Severity
 
+pytestmark = pytest.mark.dear
+
 LIBRARIES = swap('"opencv-python-headless>=4.10"', '"opencv-python-headless>=4.10", "minimalmodbus", "smbus2"')
 
 
