@@ -446,6 +446,14 @@ def capabilities(value: JsonObject) -> Iterator[tuple[int, int, JsonObject, Json
             yield index, at, device, capability
 
 
+def evidenced(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject, JsonObject]]:
+    """The same with PROBE's entry of the device, where it has one and no person has described the device."""
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
+    for index, at, device, capability in capabilities(value):
+        if device["id"] in probed and not known_by_a_person(device, artifacts):
+            yield index, at, device, capability, probed[device["id"]]
+
+
 CAPABILITY_RULES = (
     Rule("IDENTIFY-CAPABILITY-WITHOUT-CLASS", without_class),
     Rule("IDENTIFY-EFFECT-UNDERSTATED", effect_understated),

@@ -12,8 +12,7 @@ from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
-from octoform.contracts.rules.identify.annotation_rules import capabilities
-from octoform.contracts.rules.raw_line_rules import known_by_a_person
+from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.diagnostics import Diagnostic, error
 
 _CHANNEL = re.compile(r"(?:in|out)_[a-z]+\w*|(?:temp|fan|in|curr|power|humidity|pwm)\d+")
@@ -31,12 +30,8 @@ _SUPPLIED = {"temperature": "temp", "current": "current_", "voltage": "voltage_"
 
 def fact_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A channel, a count and a reading among the facts is one that PROBE shows of the device."""
-    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
-    for index, at, device, capability in capabilities(value):
-        entry = probed.get(device["id"])
-        if entry is None or known_by_a_person(device, artifacts):
-            continue
+    for index, at, device, capability, entry in evidenced(value, artifacts):
         for place, what, has in _differing(capability, entry):
             summary = f"{display(capability['name'])} of {display(device['id'])} has {what}; PROBE shows {has}"
             where = pointer("devices", index, "capabilities", at, *place)

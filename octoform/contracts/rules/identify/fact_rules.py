@@ -15,7 +15,7 @@ from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import destroys, is_class_word, is_filler, kind_of, tokens
 from octoform.contracts.name_words import has_digit, is_proper, missing, parts, word_set, words
-from octoform.contracts.rules.identify.annotation_rules import capabilities
+from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
 
@@ -41,12 +41,8 @@ _SHOWN = {"picture", "image", "photo", "photograph", "snapshot"}
 
 def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A size, a rate or an accuracy among the parameters is one that PROBE shows, or is asked for at every call."""
-    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     out = []
-    for index, at, device, capability in capabilities(value):
-        entry = probed.get(device["id"])
-        if entry is None or known_by_a_person(device, artifacts):
-            continue
+    for index, at, _, capability, entry in evidenced(value, artifacts):
         own = set(_NUMBER.findall(f"{entry['name']}\n{entry['raw_descriptor']}"))
         for name, fact in _facts(capability.get("parameters", {})):
             unsaid = [each for each in _NUMBER.findall(fact) if each not in own]
