@@ -94,7 +94,7 @@ coverage: setup
 	@$(PYTHON) -m coverage json -q -o - | $(PYTHON) tests/coverage_table.py
 
 bench: setup
-	@$(PYTHON) bench/run.py
+	@.ci/in-memory $(PYTHON) bench/run.py
 
 UV_LOCK := $(PYTHON) -m uv pip compile -q pyproject.toml --universal --python-version 3.11 --generate-hashes \
 	--no-annotate --no-header --no-emit-index-url
