@@ -98,9 +98,12 @@ class Pool:
     """What makes calls in threads."""
 
 
+_UNKNOWNS = (Unknown, Method, Inner, Later, Pool)
+
+
 def is_unknown(value: Any) -> bool:
     """Whether a value is none that anything can be computed with."""
-    return isinstance(value, Unknown | Method | Inner | Later | Pool)
+    return isinstance(value, _UNKNOWNS)
 
 
 def is_known(value: Any) -> bool:
@@ -165,28 +168,40 @@ UNARY: Mapping[type[ast.AST], Callable[[Any], Any]] = {
 
 def plainly(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
     """What Python makes of plain values; an error of it ends the call, and so does what would take long."""
-    if not _is_small(function, (*given, *named.values())):
+    if not _is_small(function, (*given, *named.values()) if named else given):
         raise Unsure
     try:
         value = function(*given, **named)
     except Exception as problem:
         raise Failed from problem
-    if hasattr(value, "__next__") or type(value).__name__.startswith("dict_"):
-        value = list(value)
-    large = isinstance(value, int) and abs(value) > _MAX_NUMBER
-    if large or (isinstance(value, str | bytes | list | tuple | dict | set) and len(value) > _MAX_LENGTH):
+    if value is None or isinstance(value, float):
+        return value
+    if isinstance(value, int):
+        large = abs(value) > _MAX_NUMBER
+    else:
+        if hasattr(value, "__next__") or type(value).__name__.startswith("dict_"):
+            value = list(value)
+        large = isinstance(value, _SIZED) and len(value) > _MAX_LENGTH
+    if large:
         raise Unsure
     return value
 
 
+_SIZED = (str, bytes, list, tuple, dict, set)
+_SCALARS = (int, float, str, bytes, range)
+_GROUPS = (list, tuple, set, dict)
+
+
 def is_plain(value: Any) -> bool:
     """Whether a value is Python's own, with nothing unknown in it, and not large."""
+    if value is None or isinstance(value, _SCALARS):
+        return True
     waiting, seen = [value], 0
     while waiting:
         item, seen = waiting.pop(), seen + 1
-        if isinstance(item, list | tuple | set | dict):
+        if isinstance(item, _GROUPS):
             waiting += item.values() if isinstance(item, dict) else item
-        elif item is not None and not isinstance(item, int | float | str | bytes | range):
+        elif item is not None and not isinstance(item, _SCALARS):
             return False
         if seen > 2 * _MAX_LENGTH or len(waiting) > 2 * _MAX_LENGTH:
             return False
@@ -198,9 +213,11 @@ _WIDE = re.compile(r"\d{3,}|\*")
 
 def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
     """Whether an operation on plain values ends at once: nothing is repeated, raised or padded without end."""
-    numbers = [item for item in given if isinstance(item, int | float)]
-    texts = [item for item in given if isinstance(item, str | bytes)]
     name = getattr(function, "__name__", "")
+    if function not in _GROWING and name not in _GROWING_METHODS:
+        return True
+    numbers = [item for item in given if isinstance(item, (int, float))]
+    texts = [item for item in given if isinstance(item, (str, bytes))]
     if function in (operator.pow, operator.lshift, round):
         return all(abs(item) <= _MAX_DIGITS for item in numbers[1:]) and not texts
     if function is operator.mul:
@@ -209,6 +226,8 @@ def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
         owner = getattr(function, "__self__", None)
         forms = [owner] if isinstance(owner, str) else texts[:1] if function is operator.mod else texts[-1:]
         return not any(_WIDE.search(item if isinstance(item, str) else item.decode("latin-1")) for item in forms)
-    if function is range or name in ("zfill", "ljust", "rjust"):
-        return all(abs(item) <= _MAX_LENGTH for item in numbers)
-    return True
+    return all(abs(item) <= _MAX_LENGTH for item in numbers)
+
+
+_GROWING = (operator.pow, operator.lshift, operator.mul, operator.mod, round, range)
+_GROWING_METHODS = ("format", "zfill", "ljust", "rjust")

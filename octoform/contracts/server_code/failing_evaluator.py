@@ -39,6 +39,7 @@ _LISTS = frozenset({"files", "sysroot"})
 _READERS = frozenset({"read_number", "read_integer", "read_text", "read_first", "read_bytes"})
 _LOOKS = frozenset({"glob", "rglob", "iterdir", "exists", "is_file", "is_dir", "close", "release", "flush", "kill"})
 _FILLS = frozenset({"append", "extend", "add", "update", "insert", "appendleft"})
+_MANAGERS = frozenset({"contextmanager", "asynccontextmanager"})
 _TURNS = 3
 _NOT_OF_DEVICE = Origin.CLOCK | Origin.ARGUMENT | Origin.DEVICE | Origin.CHANCE | Origin.COUNTED
 
@@ -69,6 +70,8 @@ class FailingEvaluator(Evaluator):
         super().__init__(source, world, choices, lambda *_: True)
         self._flow, self._kind, self._spared = flow, *fault
         self._own = {each.name for each in (*source.functions, *source.classes)}
+        said = ((each.name, source.dotted(item)) for each in source.functions for item in each.decorator_list)
+        self._managers = {name for name, word in said if word.rpartition(".")[2] in _MANAGERS}
         self._count, self.failed = 0, False
         self.swallowed: list[Swallowed] = []
 
@@ -84,10 +87,10 @@ class FailingEvaluator(Evaluator):
 
     def _replaced(self, node: ast.expr, scope: Scope) -> tuple[Any] | None:
         """The value of what is computed otherwise than in a world where everything works, in a tuple."""
-        if isinstance(node, ast.ListComp | ast.GeneratorExp | ast.SetComp) and len(node.generators) == 1:
-            rows = self.value(node.generators[0].iter, scope)
-            return ([self._row(node, scope)],) if is_unknown(rows) else None
         if not isinstance(node, ast.Call):
+            if isinstance(node, (ast.ListComp, ast.GeneratorExp, ast.SetComp)) and len(node.generators) == 1:
+                rows = self.value(node.generators[0].iter, scope)
+                return ([self._row(node, scope)],) if is_unknown(rows) else None
             return None
         if self._is_manager(node):
             return (UNKNOWN,)
@@ -156,9 +159,7 @@ class FailingEvaluator(Evaluator):
 
     def _is_manager(self, node: ast.Call) -> bool:
         """Whether a call enters a context manager of the file that is a generator; what it yields is unknown."""
-        named = [each for each in self._source.functions if each.name == last(node.func)]
-        said = {self._source.dotted(item).rpartition(".")[2] for each in named for item in each.decorator_list}
-        return bool(said & {"contextmanager", "asynccontextmanager"})
+        return last(node.func) in self._managers
 
     def _block(self, statements: Sequence[ast.stmt], scope: Scope) -> None:
         for item in statements:

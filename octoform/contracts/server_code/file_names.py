@@ -24,7 +24,7 @@ class FileNames:
         if name not in self._known:
             self._known[name] = UNKNOWN
             bound = self._bound.get(name, [])
-            if len(bound) == 1:
+            if len(bound) == 1 and not self._source.dotted(bound[0]).endswith("TypedDict()"):  # see `fields`
                 self._known[name] = self._compute(bound[0])
         return self._known[name]
 

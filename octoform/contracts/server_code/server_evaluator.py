@@ -58,6 +58,7 @@ class Evaluator:
         self._source, self._world, self._harmless = source, world, harmless
         self._choices, self.taken = list(choices), list[bool]()
         self._steps = self._depth = 0
+        self._left = world.left
         self._module = FileNames(source, lambda node: self.value(node, {}))
         self._outer = OuterCalls(world, self._enter, self._strange)
         self._functions = {item.name: item for item in source.functions if source.owner(item) is None}
@@ -152,7 +153,7 @@ class Evaluator:
 
     def _for(self, node: ast.For, scope: Scope) -> None:
         rows = self.value(node.iter, scope)
-        if not isinstance(rows, list | tuple | range | str | dict):
+        if not isinstance(rows, (list, tuple, range, str, dict)):
             rows = [UNKNOWN] if self._decide(UNKNOWN) else []
         for row in list(rows):
             self._store(node.target, row, scope)
@@ -211,8 +212,9 @@ class Evaluator:
 
     def value(self, node: ast.expr, scope: Scope) -> Any:
         """The value of an expression."""
-        self._steps, self._world.left[0] = self._steps + 1, self._world.left[0] - 1
-        if self._world.left[0] < 0:
+        self._steps += 1
+        self._left[0] -= 1
+        if self._left[0] < 0:
             raise Spent
         if self._steps > _MAX_STEPS:
             raise Unsure
@@ -306,7 +308,7 @@ class Evaluator:
         if isinstance(node.slice, ast.Slice):
             return UNKNOWN
         key = self.value(node.slice, scope)
-        known = isinstance(value, list | tuple | dict | str) and is_plain(key)
+        known = isinstance(value, (list, tuple, dict, str)) and is_plain(key)
         return plainly(lambda: value[key]) if known else UNKNOWN
 
     def _attribute(self, node: ast.Attribute, scope: Scope) -> Any:
@@ -319,7 +321,7 @@ class Evaluator:
             return self._bound(method)
         if isinstance(owner, Place) and node.attr == "name" and len(owner.key) > 2:
             return owner.key[-1]
-        return Method(owner, node.attr) if is_known(owner) or isinstance(owner, Later | Pool) else UNKNOWN
+        return Method(owner, node.attr) if is_known(owner) or isinstance(owner, (Later, Pool)) else UNKNOWN
 
     def _bound(self, method: Inner) -> Any:
         """A method as its owner has it: a property is its value, a static one has no owner."""
@@ -353,7 +355,7 @@ class Evaluator:
     def _rows_of(self, node: ast.ListComp | ast.GeneratorExp | ast.DictComp, scope: Scope) -> list[Scope] | None:
         """The names at each row of a comprehension that its tests keep; None where the rows are unknown."""
         rows = self.value(node.generators[0].iter, scope)
-        if len(node.generators) != 1 or not isinstance(rows, list | tuple | range | str):
+        if len(node.generators) != 1 or not isinstance(rows, (list, tuple, range, str)):
             return None
         out = []
         for row in rows:
@@ -379,11 +381,7 @@ class Evaluator:
         if name == "print" and isinstance(named.get("file"), OpenFile):
             text = " ".join(map(str, given)) if all(map(is_plain, given)) else None
             return self._outer.write(named["file"].place, text, node)
-        if (
-            name in ("open", "io.open", "pathlib.Path", "str", "os.fspath")
-            and given
-            and isinstance(given[0], Place | OpenFile)
-        ):
+        if name in _OF_PLACES and given and isinstance(given[0], (Place, OpenFile)):
             return OpenFile(given[0]) if name.endswith("open") and isinstance(given[0], Place) else given[0]
         if name in PLAIN:
             whole = all(map(is_plain, (*given, *named.values())))
@@ -394,14 +392,20 @@ class Evaluator:
         """The arguments of a call, by place and by name."""
         given: list[Any] = []
         for item in node.args:
-            rows = self.value(item.value if isinstance(item, ast.Starred) else item, scope)
-            if isinstance(item, ast.Starred) and not isinstance(rows, list | tuple):
-                raise Unsure
-            given += rows if isinstance(item, ast.Starred) else [rows]
-        named = {item.arg: self.value(item.value, scope) for item in node.keywords if item.arg is not None}
-        for word in (each for each in node.keywords if each.arg is None):
-            more = self.value(word.value, scope)
-            named |= more if isinstance(more, dict) else {}
+            if isinstance(item, ast.Starred):
+                rows = self.value(item.value, scope)
+                if not isinstance(rows, (list, tuple)):
+                    raise Unsure
+                given += rows
+            else:
+                given.append(self.value(item, scope))
+        named: dict[str, Any] = {}
+        for word in node.keywords:
+            value = self.value(word.value, scope)
+            if word.arg is not None:
+                named[word.arg] = value
+            elif isinstance(value, dict):
+                named |= value
         return given, named
 
     def _above(self, function: ast.expr, scope: Scope) -> Inner | None:
@@ -432,6 +436,7 @@ class Evaluator:
         return UNKNOWN
 
 
+_OF_PLACES = frozenset({"open", "io.open", "pathlib.Path", "str", "os.fspath"})
 _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.Assign: Evaluator._assign, ast.AnnAssign: Evaluator._assign, ast.AugAssign: Evaluator._add},
     **{ast.Return: Evaluator._return, ast.If: Evaluator._if, ast.For: Evaluator._for, ast.While: Evaluator._while},
