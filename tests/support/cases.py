@@ -1,8 +1,8 @@
 """One item for many cases: a test that is passed with each value of a parameter, and names all that failed.
 
 An item of pytest costs its share of collection, of fixtures and of the talk between workers, whatever it does. Cases
-that take milliseconds are therefore passed inside one item. Ones that take long, or that a person wants to run alone,
-stay parametrised.
+that take milliseconds are therefore passed inside one item, or inside a few where hundreds of them would keep one
+worker busy when the others have ended. Ones that take long, or that a person wants to run alone, stay parametrised.
 """
 
 import functools
@@ -11,18 +11,21 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 Test = Callable[..., None]
 MAX_FAILURES = 20
 """How many are shown in full: a rule that is broken fails for hundreds."""
 
 
 def for_each(
-    parameter: str | tuple[str, ...], cases: Iterable[Any]
+    parameter: str | tuple[str, ...], cases: Iterable[Any], parts: int = 1
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Pass a test with every case as ``parameter``; it fails with one exception a case that failed.
 
     Of several parameters each case is a tuple. Several can be stacked. A test that takes ``tmp_path`` gets a new folder
-    for each case; all other fixtures are shared.
+    for each case; all other fixtures are shared. With ``parts`` there are so many items, each with its part of the
+    cases.
     """
     names = (parameter,) if isinstance(parameter, str) else parameter
     values = [(case,) if isinstance(parameter, str) else tuple(case) for case in cases]
@@ -30,9 +33,9 @@ def for_each(
 
     def decorate(test: Test) -> Test:
         @functools.wraps(test)
-        def passed(**fixtures: Any) -> None:
+        def passed(part: int = 0, **fixtures: Any) -> None:
             failures: list[Exception] = []
-            for number, case in enumerate(values):
+            for number, case in enumerate(values[part::parts]):
                 try:
                     test(**dict(zip(names, case, strict=True)), **_own_folder(fixtures, number))
                 except (AssertionError, ExceptionGroup) as problem:
@@ -42,13 +45,15 @@ def for_each(
                     problem.add_note(_described(names, case))
                     raise
             if failures:
-                raise ExceptionGroup(f"{len(failures)} of {len(values)} cases failed", failures[:MAX_FAILURES])
+                tried = len(values[part::parts])
+                raise ExceptionGroup(f"{len(failures)} of {tried} cases failed", failures[:MAX_FAILURES])
 
         signature = inspect.signature(test)
         kept = [item for name, item in signature.parameters.items() if name not in names]
+        kept += [inspect.Parameter("part", inspect.Parameter.KEYWORD_ONLY)] if parts > 1 else []
         passed.__signature__ = signature.replace(parameters=kept)  # type: ignore[attr-defined]
         del passed.__wrapped__  # pytest would take the parameters of what is wrapped
-        return passed
+        return pytest.mark.parametrize("part", range(parts))(passed) if parts > 1 else passed
 
     return decorate
 

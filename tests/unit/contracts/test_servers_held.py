@@ -57,14 +57,14 @@ def errors(edit: Edit, servers: Servers) -> set[str]:
 EVERY = WRONG | {f"guarded: {name}": case for name, case in GUARDED.items()}
 
 
-@for_each("case", EVERY)
+@for_each("case", EVERY, parts=4)
 def test_a_wrong_server_is_refused_for_what_is_wrong(case: str, servers: Servers) -> None:
     edit, code = EVERY[case]
     found = errors(edit, servers)
     assert code in found and found <= {code, "SERVE-BUS-UNLOCKED", "SERVE-SETS-NOTHING"}
 
 
-@for_each("way", READS)
+@for_each("way", READS, parts=2)
 def test_a_right_way_to_read_gives_no_finding(way: str, servers: Servers) -> None:
     assert judged(all_of(reading(way), LIBRARIES), servers) == []
 
