@@ -174,7 +174,7 @@ def abuse(endpoint: Launched, folder: Path) -> tuple[list[Row], list[str]]:
 
 def main() -> int:
     """Measure and report."""
-    with scratch() as folder, launched(folder / "bench", SERVER, TOOLS) as endpoint:
+    with scratch() as folder, launched(folder / "bench", SERVER, TOOLS, loaded=False) as endpoint:
         idle = resident(endpoint.process.pid)
         connect = Command("octoform connect", endpoint.command, folder)
         python = Command("python -c pass", [PYTHON, "-c", "pass"], folder)

@@ -238,9 +238,13 @@ def _files(
 
 
 def launcher_text(environment: Environment, script: Path) -> str:
-    """The launcher: a shell's two lines, because a shebang can hold neither a long path nor one with a blank."""
+    """The launcher: a shell's lines, because a shebang can hold neither a long path nor one with a blank."""
     words = [str(environment.python), "-I", str(script)]
-    return "#!/bin/sh\nexec " + " ".join(shlex.quote(word) for word in words) + ' "$@"\n'
+    return f"#!/bin/sh\n{_MEMORY}exec " + " ".join(shlex.quote(word) for word in words) + ' "$@"\n'
+
+
+_MEMORY = "export MALLOC_TRIM_THRESHOLD_=16777216 MALLOC_MMAP_THRESHOLD_=16777216\n"
+"""Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped again each time."""
 
 
 def _previous(former: Mapping[str, Any] | None, environment: Environment) -> str | None:

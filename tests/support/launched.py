@@ -145,8 +145,12 @@ def launched(
     tunnel: Mapping[str, Any] | None = None,
     devices: Sequence[Mapping[str, Any]] = (),
     environ: Mapping[str, str] | None = None,
+    loaded: bool = True,
 ) -> Iterator[Launched]:
-    """An endpoint of ``source`` that runs until the block ends; ``network`` makes it answer over HTTP as well."""
+    """An endpoint of ``source`` that runs until the block ends; ``network`` makes it answer over HTTP as well.
+
+    Unless ``loaded`` it is started by its launcher, as a person has it, and not a fork of what has loaded its imports.
+    """
     scope = "internet" if tunnel else "intranet" if network else "local"
     service = Service(tools, policy_of(tools, policy), devices, scope, network, tunnel)
     endpoint = Launched(write(folder, source, service, environ))
@@ -154,7 +158,8 @@ def launched(
         from octoform.endpoint.access.tokens import ensure_default
 
         ensure_default(endpoint.layout)
-    endpoint.start()
+    process, problem = (start if loaded else start_stop.start)(endpoint.layout)
+    assert process is not None, problem
     try:
         yield endpoint
     finally:

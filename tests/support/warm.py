@@ -287,7 +287,7 @@ class Loaded(start_stop._Detached):
         served = layout.endpoint / SERVE_SCRIPT
         mark = processes.new(16)
         passed = {name: os.environ[name] for name in start_stop.PASSED if name in os.environ}
-        environ = {**passed, MARK: mark, **start_stop.MALLOC}
+        environ = {**passed, MARK: mark}
         with (layout.server_log).open("ab") as log, Path(os.devnull).open("rb") as nothing:
             streams = (nothing.fileno(), log.fileno(), log.fileno())
             server = ForkServer.at(python) if python else None

@@ -35,8 +35,6 @@ LARGE_LOG = 10_000_000
 """Bytes of the process's own log above which a start begins a new one."""
 PASSED = ("HOME", "PATH", "LANG", "LC_ALL", "TMPDIR", "TZ", "USER", "LOGNAME", "XDG_RUNTIME_DIR")
 """Variables that the process gets of anyone who starts it: no secrets, and the same from every place."""
-MALLOC = {"MALLOC_TRIM_THRESHOLD_": "16777216", "MALLOC_MMAP_THRESHOLD_": "16777216"}
-"""Bytes (mallopt(3)): memory of a picture is used again for the next one, instead of being mapped again each time."""
 ROOM_BYTES = 256 * 1024
 """Bytes that a start writes at most before it serves: records, the first lines of its logs, and some to spare."""
 START_THREADS = 8
@@ -209,11 +207,7 @@ class _Detached:
             self._process = subprocess.Popen(
                 [str(layout.endpoint / LAUNCHER)],
                 cwd=layout.run,
-                env={
-                    **{name: os.environ[name] for name in PASSED if name in os.environ},
-                    MARK: processes.new(16),
-                    **MALLOC,
-                },
+                env={**{name: os.environ[name] for name in PASSED if name in os.environ}, MARK: processes.new(16)},
                 stdin=subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,

@@ -18,7 +18,7 @@ from waiting import until
 from octoform.endpoint.bounded_program import ForkServer, base_environment, run
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.process.start_stop import accepts, stop
-from octoform.endpoint.publication import write_endpoint
+from octoform.endpoint.publication import launcher_text, write_endpoint
 from octoform.state.layout import Layout
 
 INITIALIZE = {
@@ -209,3 +209,14 @@ def test_what_an_earlier_octoform_published_beside_it_goes(layout: Layout, servi
     assert [path for path in former if path.exists()] == []
     assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "server", "__pycache__"}
     assert (program / "server" / "gate" / "gate.py").is_file()
+
+
+def test_however_it_is_started_the_interpreter_keeps_the_memory_of_a_picture_for_the_next(tmp_path: Path) -> None:
+    python = tmp_path / "python of a test"
+    python.write_text('#!/bin/sh\necho "$MALLOC_TRIM_THRESHOLD_ $MALLOC_MMAP_THRESHOLD_" "$@"\n')
+    python.chmod(0o700)
+    launcher = tmp_path / "launch"
+    launcher.write_text(launcher_text(Environment(python, "", tmp_path, ""), tmp_path / "serve.py"))
+    launcher.chmod(0o700)
+    done = subprocess.run([launcher, "a word"], env={}, capture_output=True, text=True, check=True)
+    assert done.stdout == f"16777216 16777216 -I {tmp_path}/serve.py a word\n"
