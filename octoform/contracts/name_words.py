@@ -92,11 +92,12 @@ def is_misspelt(name: str, other: str) -> bool:
     if one == two:
         return True
     short, long = sorted((one, two), key=len)
-    if len(short) < _SPELT_LONG or len(long) - len(short) > 1:
+    if len(short) < _MIN_LETTERS or len(long) - len(short) > 1:
         return False
     at = next((place for place, pair in enumerate(zip(short, long, strict=False)) if pair[0] != pair[1]), len(short))
     changed = long[at : at + 1] + ("" if len(long) > len(short) else short[at : at + 1])
     return long[at + 1 :] == short[at + (len(long) == len(short)) :] and not changed.isdigit()
 
 
-_SPELT_LONG = 5
+_MIN_LETTERS = 5
+"""How long a name is of which a letter may be a slip."""

@@ -190,7 +190,7 @@ def python_outside(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
     if artifacts.python and not wanted.contains(artifacts.python, prereleases=True):
         summary = f"{display(value['python'])} does not hold Python {artifacts.python}, which will serve"
-        hint = f"write the range for which the set was proved; it was to be proved with Python {artifacts.python}"
+        hint = f"write a range that includes Python {artifacts.python}: it runs the server"
         return [error("DEPLOY-PYTHON-OUTSIDE", summary, pointer="/python", hint=hint)]
     if any(each in wanted and each in given for each in _PYTHONS):
         return []
@@ -276,9 +276,9 @@ _INSTALLERS = frozenset({"pip", "setuptools", "wheel", "uv", "virtualenv", "pipe
 
 
 def requirement_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A requirement provides an import, or states what it is there for, and is not spelt almost as one that does.
+    """A requirement provides an import or states its purpose, and is not spelt almost as one that is used.
 
-    The name of a module alone states an import.
+    The name of a module is no purpose: it states an import, and the server has none of it.
     """
     used = {normalised(each["provided_by"]) for each in value["imports"]}
     declared = declared_names(artifacts.serve or "")
@@ -289,12 +289,14 @@ def requirement_unused(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
         a_module = why.replace(".", "_").isidentifier() and name not in declared
         if name not in used and (name in _INSTALLERS or not why or a_module):
             what = "provides no import and gives no reason why it is required"
+            hint = "take it out, or write its purpose into `why`"
         elif alike:
             what = f"provides no import and is spelt almost as {display(alike[0])} is"
+            hint = f"take it out; only {display(alike[0])} is used"
         else:
             continue
-        where, hint = pointer("requirements", index), "take it out, or write its purpose into `why`"
-        out.append(error("DEPLOY-REQUIREMENT-UNUSED", f"{display(item['name'])} {what}", pointer=where, hint=hint))
+        summary, where = f"{display(item['name'])} {what}", pointer("requirements", index)
+        out.append(error("DEPLOY-REQUIREMENT-UNUSED", summary, pointer=where, hint=hint))
     return out
 
 

@@ -142,17 +142,13 @@ class _Side:
 
 
 def bereft(accepted: str, rewritten: str, functions: Iterable[str]) -> list[Diagnostic]:
-    """The actions that the rewritten and new ``functions`` no longer have; both sources compile."""
+    """What the rewritten and new ``functions`` no longer do, invent or hide; both sources compile."""
     named = frozenset(functions)
     old, new = needed_source(accepted), needed_source(rewritten)
     known = {item.name for item in _functions(old)}
     before = _Side(old, tuple(item for item in _functions(old) if item.name in named))
     after = _Side(new, tuple(item for item in _functions(new) if item.name in named or item.name not in known))
-    return [
-        *_reads_less(before, after, known),
-        *_invents(before, after),
-        *_hides(before, after),
-    ]
+    return [*_reads_less(before, after, known), *_invents(before, after), *_hides(before, after)]
 
 
 def _functions(source: Source) -> list[Function]:
@@ -161,7 +157,7 @@ def _functions(source: Source) -> list[Function]:
 
 def _reads_less(before: _Side, after: _Side, known: set[str]) -> Iterator[Diagnostic]:
     """Calls of the server's own functions, of a device and its lock stay; what else is called does not get less."""
-    had, has = list(_calls(before)), list(_calls(after))
+    had, has = _calls(before), _calls(after)
     lasting = {name for name in map(_name, had) if name in known or name in _LASTING}
     gone = sorted(lasting - set(map(_name, has)))
     if gone:
@@ -172,11 +168,15 @@ def _reads_less(before: _Side, after: _Side, known: set[str]) -> Iterator[Diagno
         yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
 
 
-def _calls(side: _Side) -> Iterator[ast.Call]:
-    """Every call that is no part of an error's words, nor of a decorator."""
+def _calls(side: _Side) -> list[ast.Call]:
+    return [node for node in _live(side) if isinstance(node, ast.Call)]
+
+
+def _live(side: _Side) -> Iterator[ast.AST]:
+    """Every part of the functions that may be run, without decorators and the words of errors."""
     for function in side.functions:
         for statement in _reached(function.body):
-            yield from (node for node in _below(statement) if isinstance(node, ast.Call))
+            yield from _below(statement)
 
 
 def _below(node: ast.AST) -> Iterator[ast.AST]:
@@ -248,31 +248,16 @@ def _placed(source: Source, node: ast.AST, summary: str) -> Diagnostic:
 HIDES = "HEAL-HIDES"
 
 
-def _live(side: _Side) -> Iterator[ast.AST]:
-    """Every part of the functions that may be run, errors with it."""
-    waiting: list[ast.AST] = [item for function in side.functions for item in _reached(function.body)]
-    while waiting:
-        node = waiting.pop()
-        yield node
-        for _, part in ast.iter_fields(node):
-            parts = list(_reached(part)) if isinstance(part, list) else [part]
-            waiting += [item for item in parts if isinstance(item, ast.AST)]
-
-
 def _hides(before: _Side, after: _Side) -> Iterator[Diagnostic]:
-    """Nothing is tried again, kept for a later call or waited for longer; what is caught is the review's."""
+    """Nothing is tried again, kept for a later call or waited for longer; the review judges what is caught."""
     hint = "fix what is wrong; where the code is right and the device fails, the status is not_mine"
-    for what, count in (
-        ("tries again", _tried_again),
-        ("keeps what was read", _kept),
-        ("waits longer", _waited),
-    ):
+    for what, count in (("tries again", _tried_again), ("keeps what was read", _kept), ("waits longer", _waited)):
         if count(after) > count(before):
             yield error(HIDES, f"the rewrite {what}", path=PATH, hint=hint)
 
 
 def _tried_again(side: _Side) -> float:
-    """Loops that are left as soon as what they try has gone well."""
+    """How many loops end as soon as what they try succeeds."""
     loops = [node for node in _live(side) if isinstance(node, ast.For | ast.While)]
     return sum(
         any(isinstance(item, ast.If) and any(isinstance(each, ast.Break) for each in item.body) for item in loop.body)
@@ -282,12 +267,13 @@ def _tried_again(side: _Side) -> float:
 
 
 def _kept(side: _Side) -> float:
+    """How many statements let a function assign to a name that outlives the call."""
     return sum(isinstance(node, ast.Global | ast.Nonlocal) for node in _live(side))
 
 
 def _waited(side: _Side) -> float:
     """Seconds that are slept or waited for, as far as they are numbers."""
-    calls = [node for node in _live(side) if isinstance(node, ast.Call)]
+    calls = _calls(side)
     slept = [call.args[0] for call in calls if _name(call).rpartition(".")[2] == "sleep" and call.args]
     waits = [item.value for call in calls for item in call.keywords if item.arg == "timeout"]
     numbers = [item.value for item in (*slept, *waits) if isinstance(item, ast.Constant)]

@@ -237,7 +237,7 @@ def _too_far(item: JsonObject, call: JsonObject, where: str) -> Iterator[Diagnos
     low, high = (schema.get(name) if isinstance(schema, dict) else None for name in ("minimum", "maximum"))
     if not isinstance(low, int | float) or not isinstance(high, int | float):
         return
-    hint = "move by no more than is needed; what is a position is not relative"
+    hint = "give a smaller `by`; `relative` is true only where the parameter is a distance and no position"
     if call["relative"] and not low <= -by <= by <= high:
         summary = f"{display(call['vary'])} of {display(item['name'])} takes {low:g} to {high:g}, and not -{by:g}"
         yield error("STEP-WRONG-ARGUMENTS", f"{summary}, which moves back", pointer=f"{where}/by", hint=hint)
@@ -306,7 +306,7 @@ def wrongly_skipped(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
 
 
 def _is_of_profile(reason: str, given: str) -> bool:
-    """Whether a reason has a word of the one in the profile, or the profile gives none in words."""
+    """Whether a reason has a word of the profile's; one beyond ASCII, in another language, is not judged."""
     own = set(re.findall(r"\w{4,}", given.casefold()))
     return not own or not own.isdisjoint(re.findall(r"\w{4,}", reason.casefold())) or not reason.isascii()
 

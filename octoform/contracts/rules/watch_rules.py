@@ -129,7 +129,7 @@ def error_twice(value: JsonObject, _: Artifacts) -> Found:
         for identity in item["cites"]:
             before = first.setdefault((item["tool"], item["device"], identity), index)
             if before != index:
-                summary = f"it is about the same as errors[{before}], and rests on {display(identity)} too"
+                summary = f"this error is about the same as errors[{before}], and rests on {display(identity)} too"
                 hint = "write one error, of the first class that the evidence supports"
                 where = pointer("errors", index)
                 found.append(error("WATCH-ERROR-TWICE", summary, pointer=where, hint=hint))

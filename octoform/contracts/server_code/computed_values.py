@@ -107,6 +107,7 @@ def is_unknown(value: Any) -> bool:
 
 
 def is_known(value: Any) -> bool:
+    """Whether a value is there and can be computed with: neither unknown nor None."""
     return not is_unknown(value) and value is not None
 
 

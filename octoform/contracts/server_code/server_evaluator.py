@@ -328,13 +328,9 @@ class Evaluator:
         said = {self._source.dotted(item).rpartition(".")[2] for item in getattr(method.node, "decorator_list", ())}
         if said <= {"property", "cached_property"} and said:
             return self._enter(method, (), {})
-        return (
-            UNKNOWN
-            if said - {"staticmethod", "override"}
-            else Inner(method.node, {})
-            if "staticmethod" in said
-            else method
-        )
+        if said - {"staticmethod", "override"}:
+            return UNKNOWN
+        return Inner(method.node, {}) if "staticmethod" in said else method
 
     def _awaited(self, node: ast.Await, scope: Scope) -> Any:
         return self.value(node.value, scope)
@@ -451,11 +447,6 @@ _EXPRESSIONS: dict[type[ast.expr], Any] = {
     **{ast.IfExp: Evaluator._choice, ast.JoinedStr: Evaluator._joined, ast.List: Evaluator._rows},
     **{ast.Tuple: Evaluator._rows, ast.Set: Evaluator._rows, ast.Dict: Evaluator._record},
     **{ast.Subscript: Evaluator._item, ast.Attribute: Evaluator._attribute, ast.NamedExpr: Evaluator._walrus},
-    **{
-        ast.ListComp: Evaluator._listed,
-        ast.GeneratorExp: Evaluator._listed,
-        ast.DictComp: Evaluator._tabled,
-        ast.Lambda: Evaluator._lambda,
-    },
+    **{ast.ListComp: Evaluator._listed, ast.GeneratorExp: Evaluator._listed, ast.Lambda: Evaluator._lambda},
     **{ast.DictComp: Evaluator._tabled, ast.Call: Evaluator._called, ast.Await: Evaluator._awaited},
 }

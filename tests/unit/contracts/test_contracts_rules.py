@@ -4,6 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 import pytest
+from cases import for_each
 from unit.contracts.contract_samples import READ, SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import MAX_PER_RULE, RULES, check
@@ -19,7 +20,6 @@ from octoform.contracts.rules.identify import (
 from octoform.diagnostics import Severity
 
 Change = Callable[[dict[str, Any]], Any]
-_SERIAL_INSTANCE = {"serial": "AC00451177", "port": "1-1.4"}
 
 
 def _put(path: str, new: Any) -> Change:
@@ -329,6 +329,33 @@ def test_the_length_of_a_series_is_its_count_times_its_pause(pause: dict[str, An
     value["tools"][1]["input_schema"]["properties"] |= {"count": COUNT, "interval_s": pause}
     found = check("interface", value, artifacts(), SCHEMAS)
     assert [item.code for item in found if item.severity is Severity.ERROR] == codes
+
+
+def _takes(name: str, **schema: Any) -> Change:
+    return lambda value: value["tools"][1]["input_schema"]["properties"].update({name: schema})
+
+
+CURED: dict[str, tuple[str, Change, str]] = {
+    "two units": ("interface", _takes("hold_ms", type="integer", description="seconds"), "give one unit"),
+    "a switch the wrong way round": (
+        "interface",
+        _takes("light_off", type="boolean", description="true switches it on"),
+        "is true where it is off",
+    ),
+    "a package beside the one that is used": (
+        "deploy",
+        _add("requirements", {"name": "fast-mcpp", "version": "4.1.0", "why": "it serves"}),
+        "only 'fastmcp' is used",
+    ),
+}
+
+
+@for_each("case", CURED)
+def test_the_cure_is_that_of_what_was_found(case: str) -> None:
+    stage, change, words = CURED[case]
+    value = good(stage)
+    change(value)
+    assert words in "\n".join(str(item.hint) for item in check(stage, value, artifacts(), SCHEMAS))
 
 
 def test_more_tools_than_the_budget_are_refused() -> None:

@@ -274,7 +274,7 @@ def wait_too_long(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         series = _series(index, tool)
         if series is not None and series[1] > MAX_WAIT:
-            length = "permanently" if math.isinf(series[1]) else f"{series[1]:g} s"
+            length = "without end" if math.isinf(series[1]) else f"{series[1]:g} s"
             summary = f"{display(series[0])} of {display(tool['name'])} lets a series last {length}"
             hint = f"write maxima whose product is at most {MAX_WAIT:g} s: of the readings and of the pause"
             out.append(error("INTERFACE-WAIT-TOO-LONG", summary, pointer=series[2], hint=hint))

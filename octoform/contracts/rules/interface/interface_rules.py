@@ -331,7 +331,7 @@ def reason_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             "INTERFACE-REASON-DIFFERS",
             f"{display(item['id'])} is skipped as {item['reason']}, and by IDENTIFY it is {given[item['id']]}",
             pointer=pointer("left_out", index, "reason"),
-            hint=f"write {given[item['id']]}; where that is false, `identify_errors` has it corrected",
+            hint=f"write {given[item['id']]}; where that is false, report it in `identify_errors`",
         )
         for index, item in enumerate(value["left_out"])
         if item["reason"] not in (given.get(item["id"], item["reason"]), *SPARED)  # these have rules of their own

@@ -255,15 +255,16 @@ def _is_other_share(name: str, member: Mapping[str, Any]) -> bool:
     number = most if isinstance(most, int | float) and not isinstance(most, bool) else None
     if spoken & _PERCENT:
         wide = number is None or number > 1
-        return bool(_SHARE.search(words)) or (not wide and member.get("minimum") == 0 and not _is_tiny(words))
-    return spoken & {"fraction"} != set() and number is not None and number > 1
+        return bool(_SHARE.search(words)) or (not wide and member.get("minimum") == 0 and not _states_a_bound(words))
+    return "fraction" in spoken and number is not None and number > 1
 
 
-def _is_tiny(words: str) -> bool:
+def _states_a_bound(words: str) -> bool:
+    """Whether a percentage of at most one is meant, since the words state how far it goes."""
     return "at most" in words or "up to" in words
 
 
-def _turned(name: str, description: Any) -> bool:
+def _is_reversed(name: str, description: Any) -> bool:
     """Whether a switch is called off and its words call it on where it is true, or the other way round."""
     found = re.search(r"\btrue\b[^.;,]{0,30}?\b(on|enables?|off|disables?)\b", str(description or "").casefold())
     spoken = set(tokens(name))
@@ -272,21 +273,24 @@ def _turned(name: str, description: Any) -> bool:
     return bool(spoken & _OFF) is found[1].startswith(("on", "enable"))
 
 
-def _is_contradicted(name: str, member: Any) -> bool:
-    said = member.get("description") if isinstance(member, Mapping) else None
+def _contradicted(name: str, member: Any) -> str | None:
+    """What the name of a member contradicts: "unit" for a number, "sense" for a switch, None for nothing."""
+    description = member.get("description") if isinstance(member, Mapping) else None
     if _is_number(member):
-        return _disagree(name, said) or _is_other_share(name, member)
-    return isinstance(member, Mapping) and member.get("type") == "boolean" and _turned(name, said)
+        return "unit" if _disagree(name, description) or _is_other_share(name, member) else None
+    switch = isinstance(member, Mapping) and member.get("type") == "boolean"
+    return "sense" if switch and _is_reversed(name, description) else None
 
 
-def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
-    """(place, name) of each number whose name gives another unit than its description, at any depth."""
+def unit_against_name(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """(place, name, unit or sense) of each member whose description or range contradicts its name, at any depth."""
     if not isinstance(schema, Mapping):
         return
     members = schema.get("properties")
     for name, member in members.items() if isinstance(members, Mapping) else ():
         place = (*where, "properties", str(name))
-        yield from [(place, str(name))] if _is_contradicted(str(name), member) else ()
+        if what := _contradicted(str(name), member):
+            yield place, str(name), what
         yield from unit_against_name(member, place)
     for part in ("items", "additionalProperties"):
         yield from unit_against_name(schema.get(part), (*where, part))
@@ -302,11 +306,6 @@ _UNITS_OF: dict[str, frozenset[str]] = {
     **dict.fromkeys(("illuminance",), frozenset({"lux"})),
 }
 """The units of `octoform.base.quantities` in which a quantity can be."""
-
-
-def is_measured_name(name: str) -> bool:
-    """Whether a name ends in a quantity: `read_temperature` gives a number with a unit."""
-    return (tokens(name) or [""])[-1] in _UNITS_OF
 
 
 def unit_of_another(name: str, description: Any) -> str | None:
@@ -458,19 +457,22 @@ def result_without_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
     return out + unit_contradicted(value)
 
 
+_ONE = {
+    "unit": "give one unit, the one of the value",
+    "sense": "describe a switch as its name has it: one that is called off is true where it is off",
+}
+
+
 def unit_contradicted(value: JsonObject) -> list[Diagnostic]:
     """A number, taken or returned, has one unit by its name, its words and its range, and a switch one sense."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for part in ("input_schema", "output_schema"):
-            for where, name in unit_against_name(tool.get(part)):
-                summary = (
-                    f"the {display(name)} of {display(tool['name'])} has one unit or sense by its name and another "
-                )
+            for where, name, what in unit_against_name(tool.get(part)):
+                summary = f"the {display(name)} of {display(tool['name'])} has one {what} by its name and another "
                 summary += "by its words or its range"
                 place = pointer("tools", index, part, *where)
-                hint = "give one unit, the one of the value; what is called off is true where it is off"
-                out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=hint))
+                out.append(error("INTERFACE-RESULT-UNIT", summary, pointer=place, hint=_ONE[what]))
     return out
 
 

@@ -1,7 +1,8 @@
 """What a description of a tool is about: the device and the act of its capability, and no other device or act.
 
-The agent that uses a tool reads its description alone. One of a camera in front of a keyboard's events, a robot arm
-that a picture is stated to turn, a product that the device is not: each is called for what it does not do.
+The agent that uses a tool reads its description alone. Where that describes a camera and the tool reads a keyboard,
+states that taking a picture turns an arm, or names a product that the device is not, the agent calls the tool for what
+it does not do.
 """
 
 import re
@@ -126,7 +127,7 @@ def _classes(tool: JsonObject, artifacts: Artifacts) -> frozenset[str]:
 def _another_kind(text: str, own: str, classes: frozenset[str]) -> str | None:
     """The kind of thing that a description is about where no word of it is of the devices or their capability."""
     said = [word for word in re.findall(r"[a-z]+", text.casefold()) if word not in _STOP and len(word) > 2]
-    kinds = [kind for word in said if (kind := kind_of(word)) or (kind := word if word in KINDS else None)]
+    kinds = [kind for word in said if (kind := kind_of(word) or (word if word in KINDS else None))]
     shared = any(_stem(word) in own for word in said if not is_filler(word))
     fits = any(classes.intersection(KINDS[kind]) for kind in kinds)
     return kinds[0] if kinds and not shared and not fits else None

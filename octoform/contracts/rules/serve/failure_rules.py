@@ -21,8 +21,8 @@ from octoform.diagnostics import Diagnostic
 
 CODE = "SERVE-DEFAULT-READING"
 _BUDGET, _MAX_WAYS, _MAX_ACCESSES = 60_000, 16, 6
-_TELLS = re.compile(r"(?i)fail|error|absent|unknown|unavail|missing|none|not|time.?out|offline|lost|gone|silent| ")
-"""Words in a result for a reading that is not there."""
+_ABSENCE = re.compile(r"(?i)fail|error|absent|unknown|unavail|missing|none|not|time.?out|offline|lost|gone|silent| ")
+"""Words by which a result reports that a reading is not there."""
 
 
 def nothing_instead(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -74,7 +74,7 @@ def _answers(source: Source, flow: Flow, tool: JsonObject, function: Function) -
 
 
 def _may_swallow(source: Source, function: Function) -> bool:
-    """Whether something that a tool enters, or that the file puts around it, can let an error pass."""
+    """Whether something that a tool enters, or that the file puts around it, can catch an error."""
     entered = source.entered_from([function])
     own = {each.name for each in source.functions}
     if any(
@@ -121,7 +121,7 @@ def _is_empty(value: Any) -> bool:
 def _is_label(value: Any) -> bool:
     """A unit, a name or a count of nothing, which the file has beside a reading."""
     if isinstance(value, str):
-        return not _TELLS.search(value)
+        return not _ABSENCE.search(value)
     return type(value) in (int, float) and value == 0
 
 

@@ -13,7 +13,6 @@ from typing import Any
 from octoform.base.escaping import display
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject
-from octoform.contracts.rules.serve import scale_rules
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, numbers_of
 from octoform.contracts.rules.serve.tool_rules import readings_of
 from octoform.contracts.rules.serve.value_rules import numbers_read
@@ -21,8 +20,7 @@ from octoform.contracts.server_code.computed_values import Spent, Unsure, World
 from octoform.contracts.server_code.server_source import needed_source, walk
 from octoform.diagnostics import Diagnostic
 
-OTHERWISE, COARSE = "SERVE-SETS-OTHERWISE", "SERVE-READING-COARSE"
-_BUDGET, _MAX_WAYS, _MAX_CALLS, _MAX_PARTS = 400_000, 24, 12, 2000
+OTHERWISE = "SERVE-SETS-OTHERWISE"
 _SHARES = (0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
 """Where in its range an argument is tried; what happens at the very ends is the device's own."""
 _TOLERANCE, _FINE = 0.02, 50
@@ -215,6 +213,7 @@ def program_given_less(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 _FEW = 3
+"""From how many equal numbers on, at either end of the range, an argument counts as capped."""
 _Given = tuple[ast.Call, bool, list[tuple[float, float]]]
 _PERCENTAGE, _PLAIN_NUMBER = re.compile(r"(\d+(?:\.\d+)?)%"), re.compile(r"(?:[\w.]+=)?(\d+(?:\.\d+)?)%?")
 
@@ -228,7 +227,7 @@ def _unit_of(tool: JsonObject, name: str, member: Any) -> str | None:
 def _given_to_programs(calls: Calls, tool: JsonObject, name: str) -> list[_Given]:
     """For each number among the words of a program: whether it is a percentage, and what it is for each argument.
 
-    Only words that differ from argument to argument are numbers of it, and of a place that is passed always.
+    Only a word that each call passes at the same place, and that differs from argument to argument, is such a number.
     """
     member = tool["input_schema"]["properties"][name]
     tried = [int(each) if member["type"] == "integer" else each for each in _tried(member)]
@@ -249,6 +248,3 @@ def _given_to_programs(calls: Calls, tool: JsonObject, name: str) -> list[_Given
                 series = [(float(one), float(each[1])) for one, each in zip(tried, found, strict=True)]
                 out.append((node, pattern is _PERCENTAGE, series))
     return out
-
-
-RULES = scale_rules.RULES

@@ -1,4 +1,4 @@
-"""The whole SERVE contract over one source text: it compiles, and then every rule of the twelve families."""
+"""The whole SERVE contract over one source text: it compiles, and then every rule of each family."""
 
 import ast
 import re
@@ -19,6 +19,7 @@ from octoform.contracts.rules.serve import (
     outcome_rules,
     profile_rules,
     reading_rules,
+    scale_rules,
     tool_rules,
     value_rules,
     write_rules,
@@ -484,7 +485,7 @@ RULES = (
     *attribute_rules.RULES,
     *write_rules.RULES,
     *SETTING_RULES,
-    *outcome_rules.RULES,
+    *scale_rules.RULES,
     *line_rules.RULES,
     *exchange_rules.RULES,
     *profile_rules.RULES,
@@ -494,7 +495,5 @@ RULES = (
 def serve_static(source: str, interface: JsonObject, path: str = "server.py") -> list[Diagnostic]:
     """Everything that the text of a server shows to be wrong, each with line and column; nothing is run."""
     artifacts = Artifacts(interface=interface)
-    found = syntax(source, artifacts)
-    if not found:
-        found = [item for rule in RULES for item in rule.check(source, artifacts)]
+    found = syntax(source, artifacts) or [item for rule in RULES for item in rule.check(source, artifacts)]
     return [replace(item, path=path) for item in found]

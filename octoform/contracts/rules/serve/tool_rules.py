@@ -139,7 +139,7 @@ def beyond_tools(value: str, _: Artifacts) -> list[Diagnostic]:
 def description_differs(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A client reads INTERFACE's description of each tool, and none that no contract has seen."""
     source = needed_source(value)
-    hint = "take the description of INTERFACE word by word as the docstring, without the paragraph that begins Through"
+    hint = "take the description of INTERFACE word by word as the docstring, without the paragraph of Through"
     out = []
     for site, tool in served_tools(source, artifacts):
         functions = tool_functions(source, site)
