@@ -19,6 +19,8 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 from urllib.parse import parse_qsl, urlsplit
 
+import anyio
+import anyio.lowlevel
 import h11
 import uvicorn
 from fastmcp.server.http import HostOriginGuardMiddleware, create_streamable_http_app
@@ -383,11 +385,6 @@ class _Refusals:
         replaced = False
         body: list[bytes] = []
 
-        async def heard() -> Message:
-            message = await receive()
-            body.append(message.get("body") or b"")
-            return message
-
         async def noted(message: Message) -> None:
             nonlocal replaced
             if message.get("status") == 202 and _waits(b"".join(body)):
@@ -412,7 +409,27 @@ class _Refusals:
             text = "a token belongs into the Authorization header, never into the address"
             await JSONResponse({"error": "invalid_request", "error_description": text}, 400)(scope, receive, noted)
             return
-        await self._app(scope, heard, noted)
+        with anyio.CancelScope() as under_way:
+            await self._app(scope, _heard(scope, receive, body, under_way), noted)
+
+
+def _heard(scope: Scope, receive: Receive, body: list[bytes], under_way: anyio.CancelScope) -> Receive:
+    """Hand on a request's body, and collect it; the request ends when its client hangs up before it is whole."""
+    whole = False
+
+    async def heard() -> Message:
+        nonlocal whole
+        message = await receive()
+        if message["type"] == "http.disconnect" and not whole:
+            LOGGER.warning("%s: the client hung up before its body was whole", _request(scope))
+            # To what is behind it, this is a failure that it logs with its stack, and no one is left to answer.
+            under_way.cancel()
+            await anyio.lowlevel.checkpoint()
+        whole = not message.get("more_body", False)
+        body.append(message.get("body") or b"")
+        return message
+
+    return heard
 
 
 def _waits(body: bytes) -> bool:
@@ -455,5 +472,9 @@ def _has_token(query: bytes) -> bool:
 
 
 def _log_status(scope: Scope, status: int) -> None:
+    LOGGER.warning("refused: %s: %d", _request(scope), status)
+
+
+def _request(scope: Scope) -> str:
     client = scope.get("client") or ("?", 0)
-    LOGGER.warning("refused: %s %s from %s: %d", scope["method"], ascii(scope["path"][:80]), client[0], status)
+    return f"{scope['method']} {scope['path'][:80]!a} from {client[0]}"

@@ -16,7 +16,7 @@ from web_doors import ALL, INITIALIZE, Door, bearer, door, server, until, write_
 
 from octoform.server.notifications import Changes
 from octoform.server.transport.authentication import LEAST_OPEN, MAX_OPEN, Open, Tokens
-from octoform.server.transport.http import MAX_CONNECTIONS, Connection
+from octoform.server.transport.http import LOGGER, MAX_CONNECTIONS, Connection
 
 MEGABYTE = 1 << 20
 
@@ -198,6 +198,27 @@ def test_what_does_not_come_in_time_is_not_waited_for(
             while connection.recv(4096):
                 pass
     assert serves(opened) < 10
+
+
+@pytest.mark.parametrize("version", [None, "2025-11-25", "2026-07-28"])
+@pytest.mark.parametrize("framing", ["Content-Length: 90", "Transfer-Encoding: chunked"])
+def test_a_client_that_hangs_up_within_a_body_is_one_line_in_the_log(
+    opened: Door,
+    caplog: pytest.LogCaptureFixture,
+    monkeypatch: pytest.MonkeyPatch,
+    version: str | None,
+    framing: str,
+) -> None:
+    monkeypatch.setattr(LOGGER, "filters", [])
+    with opened.connect() as connection:
+        lines = [framing, *([f"MCP-Protocol-Version: {version}"] if version else [])]
+        connection.sendall(head(opened, *lines) + b'5\r\n{"id"\r\n')
+    until(lambda: any("hung up" in record.getMessage() for record in caplog.records), seconds=5)
+    assert serves(opened) < 10
+    wrong = [record for record in caplog.records if record.exc_info or record.levelname == "ERROR"]
+    assert not wrong, wrong
+    (line,) = (record.getMessage() for record in caplog.records if "hung up" in record.getMessage())
+    assert line == "POST '/mcp' from 127.0.0.1: the client hung up before its body was whole"
 
 
 def test_headers_that_drip_do_not_move_the_deadline(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
