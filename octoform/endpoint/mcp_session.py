@@ -80,7 +80,7 @@ class Conversation:
         message = _object(line)
         if message is None or "method" not in message or "id" not in message:
             return None
-        return failed(message["id"], why)
+        return failed(message["id"] if _is_id(message["id"]) else None, why)
 
     def from_client(self, line: bytes) -> bytes:
         """The part of a client's message that goes to the endpoint."""
@@ -148,7 +148,7 @@ class Conversation:
         key = _key(message.get("id"))
         if "method" not in message:
             self._asked.pop(key, None)
-        elif "id" in message:
+        elif _waits(message):
             repeated = message["method"] in _REPEATED
             kept = message if repeated else {"id": message["id"], "method": message["method"]}
             self._waiting[key] = (kept, line if repeated else b"")
@@ -188,6 +188,15 @@ def _object(line: bytes) -> Message | None:
     except ValueError:
         return None
     return value if isinstance(value, dict) else None
+
+
+def _waits(message: Message) -> bool:
+    """Whether this is a request that an endpoint takes; it answers every other one at once."""
+    return isinstance(message.get("method"), str) and "id" in message and _is_id(message["id"])
+
+
+def _is_id(value: object) -> bool:
+    return isinstance(value, str | int) and not isinstance(value, bool)
 
 
 def _key(identity: object) -> str:

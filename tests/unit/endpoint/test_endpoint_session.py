@@ -128,6 +128,29 @@ def test_without_an_endpoint_only_requests_are_answered() -> None:
     assert conversation.refused(b"no JSON\n", "it is gone") is None
 
 
+@pytest.mark.parametrize("number", ["1.5", "null", "true", "[1]", "{}", "1e400", "NaN"])
+def test_a_request_whose_id_is_none_is_refused_at_once_and_waits_for_nothing(number: str) -> None:
+    conversation = introduced()
+    asked = call("ID").replace(b'"ID"', number.encode())
+    conversation.sent(asked)
+    conversation.heard(b'{"jsonrpc": "2.0", "id": null, "error": {"code": -32600, "message": "no message"}}\n')
+    conversation.heard(line({"id": None, "error": {"code": -32600, "message": "this is no JSON-RPC message"}}))
+    assert conversation.lost() == []
+    assert not conversation._waiting
+    refused = conversation.refused(asked, "it is gone")
+    assert refused is None or json.loads(refused)["id"] is None
+
+
+@pytest.mark.parametrize("method", [None, 5, [], {}, ["initialize"], {"a": []}])
+def test_a_request_whose_method_is_no_text_breaks_no_pipe(method: object) -> None:
+    conversation = introduced()
+    conversation.sent(line({"id": 1, "method": method}))
+    conversation.sent(line({"id": [], "method": method}))
+    conversation.heard(line({"id": 1, "error": {"code": -32600, "message": "this is no JSON-RPC message"}}))
+    assert conversation.lost() == []
+    conversation.refused(line({"id": 1, "method": method}), "it is gone")
+
+
 IDS = st.integers() | st.text(max_size=20)
 
 
