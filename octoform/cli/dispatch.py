@@ -57,6 +57,7 @@ def dispatch(argv: Sequence[str]) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
     screen = console.for_process()
     _only_absolute_programs()
+    _keep_owner_rights()
     try:
         with orderly():
             arguments = parse(argv)
@@ -85,6 +86,12 @@ def _only_absolute_programs() -> None:
     absolute = [word for word in words if Path(word).is_absolute()]
     if absolute != words and absolute:
         os.environ["PATH"] = os.pathsep.join(absolute)
+
+
+def _keep_owner_rights() -> None:
+    """A umask that takes the owner's own rights makes files and folders that the next step cannot open."""
+    others = 0o077
+    os.umask(os.umask(others) & others)
 
 
 def command_of(name: str) -> Callable[[Namespace, Path, console.Console], int]:

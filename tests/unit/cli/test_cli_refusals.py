@@ -12,6 +12,7 @@ import pytest
 import warm
 from disks import mounts_are_permitted, read_only, small_disk
 from launched import Launched, launched, tool, write
+from ordinary import POSSIBLE, ordinary_user
 from projects import OCTOFORM
 
 from octoform.endpoint.publication import Service
@@ -130,6 +131,22 @@ def test_an_emergency_stop_works_from_inside_the_project_and_its_clearing_names_
     assert bench.ask("status")["estop"]["reason"] == "hot"
     assert octoform(folder, "estop", "-clear").returncode == 0
     assert bench.ask("status")["estop"] is None
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="only root can act as another user")
+@pytest.mark.parametrize("umask", ["777", "700", "277"])
+def test_a_umask_without_the_owners_own_rights_closes_nothing_to_the_owner(umask: str) -> None:
+    with ordinary_user() as user:
+        user.owns_all()
+        prefix = [*user.prefix, "sh", "-c", f'umask {umask}; exec "$@"', "sh"]
+        for words in (("init",), ("token", "create", "x"), ("pause",)):
+            done = octoform(user.place, *words, prefix=prefix)
+            assert "Permission denied" not in done.stderr, done.stderr
+        made = [path for path in user.place.rglob("*") if not path.is_symlink()]
+        assert len(made) > 4
+        closed = [path.name for path in made if path.stat().st_mode & 0o600 != 0o600]
+        assert not closed
+        assert not [path.name for path in made if path.stat().st_mode & 0o77 & int(umask, 8)]
 
 
 @with_mounts
