@@ -24,6 +24,7 @@ from mcp_types import (
     ToolAnnotations,
 )
 
+from octoform.base.escaping import display, escaped
 from octoform.server.notifications import Changes
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
@@ -105,7 +106,28 @@ def only_tools(server: Any) -> Middleware:
         for method in handlers.keys() - known.keys():
             del handlers[method]
     server._extensions.clear()
+    low_level.middleware.insert(0, _brief)
     return _Nothing()
+
+
+MAX_REPEATED = 300
+"""Characters of a client's own text that an error repeats: its sender knows it, and a log need not hold it twice."""
+
+
+async def _brief(context: Any, call_next: Any) -> Any:
+    """Bound what an error repeats of a request, such as the megabyte that was given as a method's name."""
+    try:
+        return await call_next(context)
+    except MCPError as problem:
+        if problem.error.data is not None:
+            problem.error.data = _shortened(problem.error.data)
+        raise
+
+
+def _shortened(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _shortened(item) for name, item in value.items()}
+    return escaped(value[:MAX_REPEATED]) if isinstance(value, str) else value
 
 
 class _Nothing(Middleware):
@@ -115,11 +137,10 @@ class _Nothing(Middleware):
         """Straight to the point: the general way builds three wrappers for each message."""
         message = context.message
         if isinstance(message, ReadResourceRequestParams):
-            raise MCPError(
-                code=INVALID_PARAMS, message=f"there is no resource {message.uri}", data={"uri": str(message.uri)}
-            )
+            uri = str(message.uri)
+            raise MCPError(code=INVALID_PARAMS, message=f"there is no resource {display(uri)}", data={"uri": uri})
         if isinstance(message, GetPromptRequestParams):
-            raise MCPError(code=INVALID_PARAMS, message=f"there is no prompt {message.name}")
+            raise MCPError(code=INVALID_PARAMS, message=f"there is no prompt {display(message.name)}")
         if context.method in ("resources/list", "resources/templates/list", "prompts/list"):
             nothing: Sequence[Resource | ResourceTemplate | Prompt] = []
             return nothing

@@ -33,6 +33,7 @@ from mcp_types import (
 )
 from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 
+from octoform.base.escaping import display
 from octoform.server.process.principal import current
 
 MAX_URIS = 100
@@ -149,7 +150,7 @@ class Changes:
         if "read" not in current().effects:
             raise MCPError(code=INVALID_PARAMS, message="this token may read no resource")
         if not self._readable(str(params.uri)):
-            raise MCPError(code=INVALID_PARAMS, message=f"there is no resource {params.uri}")
+            raise MCPError(code=INVALID_PARAMS, message=f"there is no resource {display(str(params.uri))}")
         uris.add(str(params.uri))
         return EmptyResult()
 

@@ -25,6 +25,7 @@ from mcp_types import (
 from pydantic import AnyUrl
 
 from octoform.base.clock import stamp
+from octoform.base.escaping import display
 from octoform.server.notifications import Changes
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
@@ -131,7 +132,7 @@ class Resources(Middleware):
         """The content of one; -32602 with a sentence when there is none."""
         uri = str(context.message.uri)
         if "read" not in current().effects:
-            raise _missing(uri, f"there is no resource {uri} for this token")
+            raise _missing(uri, f"there is no resource {display(uri)} for this token")
         if uri == DEVICES:
             return ResourceResult([ResourceContent(json.dumps(self._inventory()), "application/json")])
         if not uri.startswith(FRAMES):
@@ -139,7 +140,7 @@ class Resources(Middleware):
         tool = uri.removeprefix(FRAMES)
         frame = self._frames.latest(tool) if self._visible(tool) else None
         if frame is None:
-            raise _missing(uri, f"there is no picture at {uri}; a tool that takes one has to be called first")
+            raise _missing(uri, f"there is no picture at {display(uri)}; a tool that takes one has to be called first")
         return ResourceResult([ResourceContent(frame.data, frame.mime_type, {"octoform/taken": _time(frame)})])
 
     def _inventory(self) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import re
 import signal
 import time
 from collections.abc import Iterator
@@ -155,6 +156,43 @@ def test_what_is_no_message_is_answered_and_hurts_nobody(bench: Launched, line: 
             return answer
 
     assert asyncio.run(ask())["error"]["code"] == code
+
+
+@pytest.mark.parametrize(
+    ("method", "params"),
+    [
+        ("tools/call", {"name": "NAME", "arguments": {}}),
+        ("tools/call", {"name": "add", "arguments": {"NAME": 1}}),
+        ("tools/call", {"name": "add", "arguments": {"a": "NAME", "b": 1}}),
+        ("tools/call", {"name": "add", "arguments": {"a": 1, "b": 1}, "NAME": 1}),
+        ("tools/list", {"cursor": "NAME"}),
+        ("resources/read", {"uri": "octoform://NAME"}),
+        ("resources/subscribe", {"uri": "octoform://NAME"}),
+        ("prompts/get", {"name": "NAME"}),
+        (
+            "completion/complete",
+            {"ref": {"type": "ref/prompt", "name": "NAME"}, "argument": {"name": "a", "value": ""}},
+        ),
+        ("logging/setLevel", {"level": "NAME"}),
+        ("resources/read", {"uri": "octoform://frames/NAME"}),
+        ("NAME", {}),
+    ],
+)
+def test_what_a_client_names_at_length_is_not_sent_back(bench: Launched, method: str, params: dict[str, Any]) -> None:
+    long = "n\x1b[2J" * 200_000
+
+    async def ask() -> dict[str, Any]:
+        async with RawClient(bench.layout.socket) as client:
+            given = json.loads(json.dumps(params).replace("NAME", json.dumps(long)[1:-1]))
+            answer = await client.ask(request(method.replace("NAME", long), **given))
+            assert await adds(client, 0, 1) == 1
+            return answer
+
+    before = bench.layout.server_log.stat().st_size
+    answer = json.dumps(asyncio.run(ask()))
+    assert len(answer) < 4000, answer[:500]
+    assert not re.search(r"(?<!\\)(\\\\)*\\u001b", answer)
+    assert bench.layout.server_log.stat().st_size - before < 2000
 
 
 def test_a_line_of_a_hundred_megabytes_ends_its_own_connection(bench: Launched) -> None:

@@ -15,7 +15,7 @@ from functools import partial
 from typing import Any
 
 import anyio
-from fastmcp.exceptions import NotFoundError
+from fastmcp.exceptions import NotFoundError, ToolError
 from fastmcp.exceptions import ValidationError as ArgumentsInvalid
 from fastmcp.server.dependencies import fastmcp_request_ctx
 from fastmcp.server.middleware import CallNext, Middleware, MiddlewareContext
@@ -24,6 +24,7 @@ from mcp.shared.exceptions import MCPError
 from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
+from octoform.base.escaping import display
 from octoform.server.audit.audit_log import Audit
 from octoform.server.execution.bus_queue import Busy, Holder, abandon, release, take, take_free
 from octoform.server.execution.result_size import of_result
@@ -184,7 +185,8 @@ class Gate(Middleware):
             code = "unknown_tool" if entry is None else "hidden_tool"
             fields = {"tool": name, "caller": caller.name, "decision": "refuse", "code": code}
             self._records.write("decision", **fields, **client.fields())
-            raise NotFoundError(f"Unknown tool: {name!r}")
+            # FastMCP's own error for this repeats the name whole, however long it is.
+            raise ToolError(f"Unknown tool: {display(name)}")
         wants = meta.get(messages.DRY) is True
         dry = wants or (self._policy.mode == "dry_run" and entry.policy.effect != "read")
         arguments = context.message.arguments or {}

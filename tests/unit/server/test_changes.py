@@ -114,7 +114,7 @@ async def test_pictures_of_a_tool_that_a_token_may_not_know_of_are_not_told(
     uri = f"octoform://frames/{tool}"
     if era == "legacy":
         async with Client(server, mode=era) as client:
-            with pytest.raises(MCPError, match=f"there is no resource {uri}"):
+            with pytest.raises(MCPError, match=f"there is no resource '{uri}'"):
                 await subscribe(client, uri)
         return
     async with hearing(partial(Client, server), era, uri, FRAME) as (_, heard):

@@ -62,9 +62,9 @@ async def test_a_served_endpoint_has_tools_and_what_is_ours_alone(era: str, tmp_
             assert await client.list_resource_templates() == []
             assert await client.list_prompts() == []
             for uri in ("x://move", "x://move/9"):
-                with pytest.raises(MCPError, match=f"there is no resource {uri}"):
+                with pytest.raises(MCPError, match=f"there is no resource '{uri}'"):
                     await client.read_resource(uri)
-            with pytest.raises(MCPError, match="there is no prompt advice"):
+            with pytest.raises(MCPError, match="there is no prompt 'advice'"):
                 await client.get_prompt("advice")
             with pytest.raises(MCPError):
                 await client.complete(PromptReference(name="advice"), {"name": "x", "value": "m"})
@@ -103,5 +103,5 @@ async def test_resources_of_a_mounted_server_are_not_there() -> None:
 
     async with Client(server) as client:
         assert [str(each.uri) for each in await client.list_resources()] == ["octoform://devices"]
-        with pytest.raises(MCPError, match="there is no resource other://own"):
+        with pytest.raises(MCPError, match="there is no resource 'other://own'"):
             await client.read_resource("other://own")
