@@ -4,6 +4,7 @@ Specs and profiles are such files. Only plain values are read: no anchors, alias
 into a large value, and nothing is ever constructed but text, numbers, booleans, lists and mappings. (Heavy: ruamel.)
 """
 
+import re
 from collections.abc import Mapping
 from dataclasses import field
 from functools import lru_cache
@@ -20,6 +21,8 @@ from octoform.records import dataclass
 
 MAX_BYTES = 64 * 1024
 FENCE = "---"
+ALL: frozenset[str] = frozenset()
+"""Every field there is."""
 _CORE = "tag:yaml.org,2002:"
 
 Place = tuple[str | int, ...]
@@ -46,8 +49,11 @@ class Document:
         return error(code, summary, path=str(self.path), span=span, source=_line(self.text, span.line), hint=hint)
 
 
-def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
-    """The file, or why it cannot be read; every problem carries ``code``."""
+def read(path: Path, code: str, names: frozenset[str] = ALL) -> tuple[Document | None, list[Diagnostic]]:
+    """The file, or why it cannot be read; every problem carries ``code``.
+
+    With ``names`` it has these fields alone, each of which begins a line: a long definition takes long to read.
+    """
     try:
         data = files.head(path, MAX_BYTES + 1, follow=True)
     except OSError as reason:
@@ -62,17 +68,17 @@ def read(path: Path, code: str) -> tuple[Document | None, list[Diagnostic]]:
         column = reason.start - (data.rfind(b"\n", 0, reason.start) + 1) + 1
         summary = "the file is not UTF-8"
         return None, [error(code, summary, path=str(path), span=Span(line, column), hint="save it as UTF-8")]
-    return parse(path, text.replace("\r\n", "\n"), code)
+    return parse(path, text.replace("\r\n", "\n"), code, names)
 
 
-def parse(path: Path, text: str, code: str) -> tuple[Document | None, list[Diagnostic]]:
+def parse(path: Path, text: str, code: str, names: frozenset[str] = ALL) -> tuple[Document | None, list[Diagnostic]]:
     """The text of a file as a document; see `read`."""
-    document, found = _parsed(path, text, code)
+    document, found = _parsed(path, text, code, names)
     return document, list(found)
 
 
 @lru_cache(maxsize=64)
-def _parsed(path: Path, text: str, code: str) -> tuple[Document | None, tuple[Diagnostic, ...]]:
+def _parsed(path: Path, text: str, code: str, names: frozenset[str]) -> tuple[Document | None, tuple[Diagnostic, ...]]:
     """A run comes back to the same files again and again, and to parse one takes as long as a short plan."""
     at = text.find("\0")
     if at >= 0:  # no program takes it in an argument, and a prompt is one
@@ -90,10 +96,22 @@ def _parsed(path: Path, text: str, code: str) -> tuple[Document | None, tuple[Di
         return None, (error(code, "the front matter has no end", path=str(path), span=Span(1, 1), hint=hint),)
     body = "\n".join(lines[end + 1 :]).lstrip("\n")
     reading = _Reading(path, text, code)
-    fields = reading.fields("\n".join(["", *lines[1:end]]) + "\n")
+    fields = reading.fields("\n".join(["", *_lines_of(names, lines[1:end])]) + "\n")
     if reading.found:
         return None, tuple(reading.found)
     return Document(path, text, body, fields, reading.places), ()
+
+
+def _lines_of(names: frozenset[str], lines: list[str]) -> list[str]:
+    """The lines with those of other fields empty, so that each stays in its place."""
+    if names == ALL:
+        return lines
+    kept, wanted = [], False
+    for line in lines:
+        if re.match(r"[\w'\"]", line):
+            wanted = line.partition(":")[0].strip("'\" ") in names
+        kept.append(line if wanted else "")
+    return kept
 
 
 class _Reading:

@@ -5,7 +5,7 @@ refused: what it would do on the host could not be seen in the plan.
 """
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,8 @@ from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Grammar, Profile, Rig, Stop
 from octoform.profiles.register_parser import MAX_ID
 from octoform.profiles.registers import RegisterDefinition
+from octoform.profiles.selection import contributions, devices_by
+from octoform.records import dataclass
 
 # Read the ``rig`` of a profile: what holds for the owner's own copy alone, apart from what holds for the product.
 
@@ -184,6 +186,31 @@ def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...]
         if not clashes:
             profiles.append(profile)
     return tuple(profiles), found
+
+
+@dataclass(frozen=True, slots=True)
+class Offered:
+    """A profile that may be chosen: its name, the product that it is about, the devices that it matches."""
+
+    profile: str
+    product: str
+    devices: tuple[str, ...]
+
+
+def offered(
+    paths: Iterable[Path], chosen: Collection[Profile], probe: object, answers: Mapping[str, str]
+) -> list[Offered]:
+    """Those of the files, each named as its profile, that match a device which no chosen profile matches."""
+    known = {profile.name for profile in chosen}
+    settled = {device for device, _ in contributions(chosen, probe, answers)}
+    found = []
+    for path in sorted(path for path in paths if path.stem not in known):
+        document, _ = frontmatter.read(path, "PROFILE-FRONT-MATTER", frozenset({"product", "evidence"}))
+        rule, _ = _evidence(document) if document is not None else (None, None)
+        matched = sorted(devices_by(rule, probe, answers) - settled) if rule is not None else []
+        if document is not None and matched:
+            found.append(Offered(path.stem, str(document.fields.get("product", path.stem)), tuple(matched)))
+    return found
 
 
 def _clashes(profile: Profile, others: Iterable[Profile]) -> list[Diagnostic]:

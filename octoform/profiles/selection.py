@@ -23,10 +23,13 @@ def devices_of(profile: Profile, probe: Any, answers: Mapping[str, str] = NO_ANS
     The words must be in what PROBE recorded of that very device, or in a person's answer about it. A neighbour
     (``context``) is never met.
     """
+    return devices_by(profile.evidence, probe, answers)
+
+
+def devices_by(rule: match_rule.Rule, probe: Any, answers: Mapping[str, str] = NO_ANSWERS) -> frozenset[str]:
+    """The same for a match rule."""
     return frozenset(
-        device["id"]
-        for device in attached(probe)
-        if match_rule.holds(profile.evidence, device, answers.get(device["id"], ""))
+        device["id"] for device in attached(probe) if match_rule.holds(rule, device, answers.get(device["id"], ""))
     )
 
 

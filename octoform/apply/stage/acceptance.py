@@ -24,7 +24,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.profile_paths import shipped
-from octoform.profiles import Profile, commands, contributions, definition, devices_of, load
+from octoform.profiles import Profile, commands, definition, devices_of, profile_parser
 from octoform.protocol.prompt import tail
 from octoform.records import dataclass
 from octoform.state.os_errors import refusal
@@ -212,13 +212,10 @@ def artifacts(context: Context, stage: str, value: object) -> Artifacts:
 
 def offered(chosen: Sequence[Profile], probe: object, answers: Mapping[str, str]) -> dict[str, str]:
     """By device the profile that comes with octoform, matches it, and that the manifest does not name."""
-    names = {profile.name for profile in chosen}
-    found: dict[str, str] = {}
-    settled = {device for device, _ in contributions(chosen, probe, answers)}
-    for profile in load(sorted(shipped().glob("*.md")))[0] if probe is not None else ():
-        if profile.name not in names:
-            found |= {device: profile.name for device in devices_of(profile, probe, answers) - settled}
-    return found
+    if probe is None:
+        return {}
+    found = profile_parser.offered(shipped().glob("*.md"), chosen, probe, answers)
+    return {device: each.profile for each in found for device in each.devices}
 
 
 def _registered(probe: Mapping[str, Any], context: Context) -> dict[str, str]:

@@ -11,7 +11,7 @@ from octoform.graph.model import ANSWER
 from octoform.manifest.profile_paths import shipped
 from octoform.plan.diff import Prior
 from octoform.plan.model import Action, NamedDevice, NearProfile, OpenQuestion, ProfileUse
-from octoform.profiles import Profile, contributions, load, match_rule, near
+from octoform.profiles import Profile, contributions, match_rule, near, profile_parser
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.selection import attached, commands, devices_of
 from octoform.records import dataclass
@@ -106,17 +106,10 @@ def offered(artifacts: Artifacts, compiled: Compiled) -> tuple[Offer, ...]:
     probe, answers = artifacts.get("probe"), compiled.manifest.answers
     if probe is None:
         return ()
-    known = {profile.name for profile in compiled.profiles}
-    settled = {device for device, _ in contributions(compiled.profiles, probe, answers)}
-    found = []
-    for profile in load(sorted(shipped().glob("*.md")))[0]:
-        matched = [device for device, _ in contributions([profile], probe, answers) if device not in settled]
-        if matched and profile.name not in known:
-            name = profile.name
-            line = f"add `{name}` to `profiles`" if compiled.manifest.profiles else f"write `profiles: [{name}]`"
-            line += " in octopus.yaml to use it"
-            found.append(Offer(name, profile.product or name, tuple(matched), line))
-    return tuple(found)
+    found = profile_parser.offered(shipped().glob("*.md"), compiled.profiles, probe, answers)
+    form = "add `{}` to `profiles`" if compiled.manifest.profiles else "write `profiles: [{}]`"
+    line = f"{form} in octopus.yaml to use it"
+    return tuple(Offer(each.profile, each.product, each.devices, line.format(each.profile)) for each in found)
 
 
 def offers(artifacts: Artifacts, compiled: Compiled) -> list[Diagnostic]:

@@ -28,6 +28,17 @@ def test_values_body_and_places() -> None:
     assert (problem.span, problem.source, problem.path) == (Span(5, 11, 13), "  - {low: -2, high: 0x10}", "spec.md")
 
 
+def test_fields_by_name_are_as_in_the_whole_and_in_their_places() -> None:
+    lines = ["---", "# of a copy", "rig: {facts: [one]}", "'wanted':", "- a: 1", "  # said", "", "-  b: 2", "other: |"]
+    text = "\n".join([*lines, "  wanted: no field", '"last" : x', "---", "Body."])
+    whole, _ = frontmatter.parse(PATH, text, "CODE")
+    some, found = frontmatter.parse(PATH, text, "CODE", frozenset({"wanted", "last", "missing"}))
+    assert whole is not None and some is not None and found == []
+    assert some.fields == {"wanted": [{"a": 1}, {"b": 2}], "last": "x"} and some.body == whole.body
+    assert some.fields == {name: whole.fields[name] for name in some.fields}
+    assert all(some.places[place] == whole.places[place] for place in some.places if place)
+
+
 @pytest.mark.parametrize(
     ("text", "summary", "line"),
     [
