@@ -28,10 +28,10 @@ _READING = frozenset(
 
 _HERE = frozenset(("init", "simulate", "schema", "explain", "help", "version", "completion", "connect", "estop"))
 """Commands that need no project, make one, or find theirs by a rule of their own."""
-_NAMELESS = frozenset(("schema", "explain", "help", "version", "completion"))
-"""Commands for which it does not matter where they are given."""
+_WITHOUT_FOLDER = frozenset(("schema", "explain", "help", "version", "completion"))
+"""Commands that read and write no folder."""
 MANIFEST = "octopus.yaml"
-SYSROOT = "OCTOFORM_SYSROOT"
+_SYSROOT = "OCTOFORM_SYSROOT"
 GROUPS = {
     "project": "init validate schema explain graph doctor install profile spec simulate",
     "run": "plan apply destroy answer attempts",
@@ -109,7 +109,7 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
         gc.set_threshold(*_SELDOM)
     try:
         project = _project(arguments, screen)
-        if arguments.command not in _NAMELESS and (problem := _unnameable(project)) is not None:
+        if arguments.command not in _WITHOUT_FOLDER and (problem := _name_problem(project)) is not None:
             return problems.show(screen, [problem], as_json=_as_json(arguments))
         if arguments.command not in _READING:
             _hide(project, screen)
@@ -155,15 +155,14 @@ def _project(arguments: Namespace, screen: console.Console) -> Path:
     return above
 
 
-def _unnameable(project: Path) -> Diagnostic | None:
-    """What no task and no file of a client can name: they are JSON, which holds no bytes of another encoding."""
-    for what, name in (("the folder", str(project)), (SYSROOT, os.environ.get(SYSROOT, ""))):
+def _name_problem(project: Path) -> Diagnostic | None:
+    """PROJECT-NAME where a folder's name is not UTF-8: tasks and files of clients are JSON, and cannot name it."""
+    for what, name in (("the name of the folder", str(project)), (_SYSROOT, os.environ.get(_SYSROOT, ""))):
         try:
             name.encode()
         except UnicodeEncodeError:
-            summary = f"the name of {what} is not UTF-8" if what == "the folder" else f"{what} is not UTF-8"
             hint = "rename the folder, then run the same command again"
-            return error("PROJECT-NAME", summary, path=name, hint=hint)
+            return error("PROJECT-NAME", f"{what} is not UTF-8", path=name, hint=hint)
     return None
 
 

@@ -208,15 +208,15 @@ def draft(project: Path, environ: Mapping[str, str], device: str) -> tuple[Draft
         return None, [error("PROFILE-NO-DEVICE", f"{device!r} is no device of {manifest.host}", hint=hint)]
     text, name = _text(devices[device], manifest.answers.get(device, ""))
     path = project / FOLDER / f"{name}.md"
-    if path.exists() or path.is_symlink():
-        summary = f"{FOLDER}/{name}.md is there already"
-        hint = "look at it with octoform profile check, or move it away"
-        return None, [error("PROFILE-EXISTS", summary, path=str(path), hint=hint)]
     # While an apply runs, it removes every new profile, since its agent may have written it.
     acquired = acquire(Layout(project, manifest.host), "profile new")
     if acquired.lock is None:
         return None, list(acquired.diagnostics)
     with acquired.lock:
+        if path.exists() or path.is_symlink():
+            summary = f"{FOLDER}/{name}.md is there already"
+            hint = "look at it with octoform profile check, or move it away"
+            return None, [error("PROFILE-EXISTS", summary, path=str(path), hint=hint)]
         path.parent.mkdir(exist_ok=True)
         problem = write_atomic(path, text.encode("utf-8"))
     if problem is not None:

@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media, unknown
+from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media, unknown_tool
 from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import CHECK, read_policy
@@ -60,7 +60,7 @@ def tools(
     if has_errors(problems):
         return None, list(problems)
     served = [tool["name"] for tool in listed]
-    absent = [unknown(name, served) for name in names if name not in served]
+    absent = [unknown_tool(name, served) for name in names if name not in served]
     if absent:
         return None, absent
     known, decided = promised(layout), (read_policy(layout) or {"tools": {}})["tools"]

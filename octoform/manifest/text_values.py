@@ -176,7 +176,7 @@ def check(document: Document, root: Table, environ: Mapping[str, str], report: P
     _Rules(document, root, environ, report).check()
 
 
-OTHER_KEY = "name another variable in `key`"
+_OTHER_KEY = "name another variable in `key`"
 
 
 class _Rules:
@@ -222,9 +222,9 @@ class _Rules:
         provider = conversion.provider_of(agent.model or "", agent.name, self._environ)
         settings = agent.settings
         if settings is None or (settings.key is None and not has_login(settings)):
-            login = f"{OTHER_KEY}, or where you are logged in: `harness: {{name: {agent.name}, login: true}}`"
+            login = f"{_OTHER_KEY}, or where you are logged in: `harness: {{name: {agent.name}, login: true}}`"
             has_one = agent.name in LOGINS and provider is not None and provider.name == LOGINS[agent.name].provider
-            otherwise = login if has_one else OTHER_KEY
+            otherwise = login if has_one else _OTHER_KEY
             self._unset(conversion.key_of(settings, provider, self._environ), f"`{agent.name}`", agent.at, otherwise)
 
     def _unset(self, key: str | None, who: str, loc: Loc, otherwise: str) -> None:
@@ -351,5 +351,5 @@ class _Rules:
                 conversion.key_of(settings, provider, self._environ),
                 "housekeeping",
                 ("housekeeping", "model"),
-                OTHER_KEY,
+                _OTHER_KEY,
             )

@@ -132,8 +132,8 @@ class Emergency:
         with self.latch.held(_CLEAR_WAIT) as alone:
             estop = self.latch.engaged()
             if not alone:
-                locked = "another emergency stop is under way"
-                problems.append("its lock file cannot be opened" if alone is None else locked)
+                opened = alone is not None
+                problems.append("another emergency stop is under way" if opened else "its lock file cannot be opened")
             elif estop is not None and self._record(problems, "estop_cleared", by=by, was=_words(estop)):
                 with _collect_problems(problems, "the latch could not be removed"):
                     self.latch.clear(by)

@@ -94,7 +94,8 @@ class Latch:
     def held(self, seconds: float) -> Iterator[bool | None]:
         """Changes of the latch and their records in one order: True inside while no other holds this.
 
-        Waits up to ``seconds``, then goes on with False: an emergency stop waits for no one. None: no lock can be had.
+        Waits up to ``seconds``, then goes on with False: an emergency stop waits for no one. None where the lock file
+        cannot be opened.
         """
         try:
             private_folder(self.path.parent)

@@ -141,6 +141,7 @@ def test_a_result_of_fifty_megabytes_is_not_delivered(bench: Launched) -> None:
         (b'{"jsonrpc": "1.0", "id": 7, "method": "tools/list"}\n', -32600),
         (b'{"jsonrpc": "2.0", "id": {"a": 1}, "method": "tools/list"}\n', -32600),
         (b'{"jsonrpc": "2.0", "id": 1.5, "method": "tools/list"}\n', -32600),
+        (b'{"jsonrpc": "2.0", "\\u0069d": 1.5, "method": "tools/list"}\n', -32600),
         (b'{"jsonrpc": "2.0", "id": 1e400, "method": "tools/list"}\n', -32700),
         (b'{"jsonrpc": "2.0", "id": NaN, "method": "tools/list"}\n', -32700),
         (b'{"jsonrpc": "2.0", "method": "notifications/x", "params": {"id": -1e999}}\n', -32700),

@@ -328,7 +328,7 @@ def _untrue(
         hint = "ask for the device that the caller names, and return its id"
         found.append(error("ENDPOINT-RESULT-OTHER-DEVICE", f"{for_device} answers for {other}", hint=hint))
     if call.ok and here and call.results and all(map(_is_null, call.results)):
-        hint = "see why nothing can be read of the device: octoform call shows it; a server raises an error for that"
+        hint = "see with octoform call why nothing can be read; a tool that cannot read its device raises an error"
         summary = f"{for_device} answers with null alone, and PROBE saw the device a moment ago"
         found.append(warning("ENDPOINT-RESULT-EMPTY", summary, hint=hint))
     if moved := unmoved(call):

@@ -189,7 +189,7 @@ def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called
             # No client is shown it. The endpoint gives the reason, and its log has the attempt.
             known = {"name": wanted.tool, "input_schema": {}}
         if known is None:
-            return None, (unknown(wanted.tool, [str(tool["name"]) for tool in tools]),)
+            return None, (unknown_tool(wanted.tool, [str(tool["name"]) for tool in tools]),)
         return _Call(wire, wanted, somebody).made(known)
     except _NoOneToAsk:
         words = "no one could be asked: there is no terminal; -auto-approve approves"
@@ -315,7 +315,7 @@ class _Call:
         return {"action": "accept", "content": dict.fromkeys(fields, True)}
 
 
-def unknown(tool: str, known: list[str]) -> Diagnostic:
+def unknown_tool(tool: str, known: list[str]) -> Diagnostic:
     """The error for the name of a tool that the endpoint does not have."""
     meant = did_you_mean(tool, known)
     hint = f"did you mean {meant!r}?" if meant else "octoform tools lists them"

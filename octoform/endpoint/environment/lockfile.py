@@ -71,7 +71,7 @@ def tool_environment() -> dict[str, str]:
     return found
 
 
-def unreached(finished: Finished) -> str | None:
+def network_hint(finished: Finished) -> str | None:
     """What to do when uv reports that it could not reach an index; None when it reports something else."""
     if is_untrusted(finished.stderr):
         return UNTRUSTED
@@ -123,7 +123,7 @@ def resolve(requirements: Sequence[str], project: Path, previous: str | None = N
                     return normalise(read(lock).decode()), ()
         except FileNotFoundError as problem:
             return None, (tool_missing(problem),)
-    hint = unreached(finished)
+    hint = network_hint(finished)
     return None, (
         error(
             "ENDPOINT-RESOLVE-FAILED",

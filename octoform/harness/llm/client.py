@@ -177,7 +177,7 @@ class LiteLLM:
         headers = getattr(getattr(problem, "response", None), "headers", None) or {}
         wait = str(headers.get("retry-after", ""))
         return Refusal(
-            text=_said(problem),
+            text=_describe(problem),
             status=status if isinstance(status, int) else None,
             too_long=isinstance(problem, self._library.ContextWindowExceededError),
             wait_seconds=float(wait) if wait.isdecimal() else None,
@@ -250,14 +250,14 @@ def size_of(messages: Sequence[Mapping[str, Any]]) -> int:
     return len(json.dumps(messages, ensure_ascii=False).encode("utf-8", "replace"))
 
 
-def _said(problem: BaseException) -> str:
-    """The words of a failure and of its first cause; those of the library alone are ``Connection error``."""
-    text, first = str(problem) or type(problem).__name__, problem
+def _describe(problem: BaseException) -> str:
+    """The text of a failure and of its first cause: the library's own text may be no more than ``Connection error``."""
+    text, root = str(problem) or type(problem).__name__, problem
     for _ in range(MAX_CAUSES):
-        if (cause := first.__cause__ or first.__context__) is None:
+        if (cause := root.__cause__ or root.__context__) is None:
             break
-        first = cause
-    return text if str(first) in text else f"{text} ({first})"
+        root = cause
+    return text if str(root) in text else f"{text} ({root})"
 
 
 def _close(stream: Any) -> None:

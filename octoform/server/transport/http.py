@@ -34,7 +34,6 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from octoform.base.files import parse
 from octoform.server.execution.result_size import at_least
 from octoform.server.process.descriptor import Descriptor
 from octoform.server.process.stderr_log import Throttle
@@ -43,6 +42,7 @@ from octoform.server.tunnel_termination import INSTANCE_HEADER
 from .addresses import Listening, listen
 from .authentication import Open, Tokens, Verifier
 from .health_verdict import HEALTHY, UNKNOWN
+from .unix_socket import is_request
 
 # Connections that cannot be held open for nothing: what uvicorn leaves out of HTTP/1.1.
 #
@@ -367,9 +367,9 @@ class _Uvicorn(uvicorn.Server):
 
 
 class _Refusals:
-    """Outermost: keeps tokens out of addresses, and writes one line for each request that was refused.
+    """Outermost: refuses tokens in addresses, malformed headers and requests whose id is not valid, and logs refusals.
 
-    What was let in is in the call log. The line has no query and no header.
+    What was let in is in the call log. The one line of a refusal has no query and no header.
     """
 
     def __init__(self, app: ASGIApp, instance: str) -> None:
@@ -387,7 +387,7 @@ class _Refusals:
 
         async def noted(message: Message) -> None:
             nonlocal replaced
-            if message.get("status") == 202 and _waits(b"".join(body)):
+            if message.get("status") == 202 and is_request(b"".join(body)):  # its id is not valid
                 replaced = True
                 _log_status(scope, 400)
                 await _NO_ID(scope, receive, send)
@@ -401,9 +401,11 @@ class _Refusals:
             if not replaced:
                 await send(message)
 
-        status = _malformed(scope["headers"])
-        if status:
-            await JSONResponse({"error": "invalid_request"}, status, {"Connection": "close"})(scope, receive, noted)
+        malformed = _malformed(scope["headers"])
+        if malformed is not None:
+            status, text = malformed
+            document = {"error": "invalid_request", "error_description": text}
+            await JSONResponse(document, status, {"Connection": "close"})(scope, receive, noted)
             return
         if _has_token(scope.get("query_string", b"")):
             text = "a token belongs into the Authorization header, never into the address"
@@ -432,15 +434,6 @@ def _heard(scope: Scope, receive: Receive, body: list[bytes], under_way: anyio.C
     return heard
 
 
-def _waits(body: bytes) -> bool:
-    """Whether a body that was taken for a notification is a request whose id is none, and waits for an answer."""
-    try:
-        message = parse(body)
-    except ValueError:
-        return True
-    return isinstance(message, dict) and "method" in message and "id" in message
-
-
 _NO_ID = JSONResponse(
     {"jsonrpc": "2.0", "id": None, "error": {"code": -32600, "message": "this is no JSON-RPC message"}}, 400
 )
@@ -449,19 +442,21 @@ _HOST = re.compile(_NAME)
 _ORIGIN = re.compile(rb"null|[A-Za-z][A-Za-z0-9+.-]*://" + _NAME)
 
 
-def _malformed(headers: Sequence[tuple[bytes, bytes]]) -> int:
-    """The status for headers that another reader may read otherwise; 0 for all others.
+def _malformed(headers: Sequence[tuple[bytes, bytes]]) -> tuple[int, str] | None:
+    """(status, what is wrong) for headers that another reader may read otherwise; None for all others.
 
     A length beside chunks is how a request is hidden behind a proxy (RFC 9112, 6.1). The guard behind this takes what
-    stands before the first colon of a host for its name, whatever follows.
+    is before the first colon of a host for its name, whatever follows.
     """
     names = [name for name, _ in headers]
     if b"content-length" in names and b"transfer-encoding" in names:
-        return 400
+        return 400, "a request has a Content-Length or a Transfer-Encoding, not both"
     if any(name == b"host" and value and not _HOST.fullmatch(value) for name, value in headers):
-        return 421
+        return 421, "the Host header is no name with a port"
     origins = [value for name, value in headers if name == b"origin"]
-    return 403 if len(origins) > 1 or any(not _ORIGIN.fullmatch(value) for value in origins) else 0
+    if len(origins) > 1 or any(not _ORIGIN.fullmatch(value) for value in origins):
+        return 403, "the Origin header is not one origin"
+    return None
 
 
 def _has_token(query: bytes) -> bool:

@@ -204,7 +204,7 @@ async def _read(reader: asyncio.StreamReader, outbox: _Outbox, incoming: Incomin
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
                 continue
-            if isinstance(message, mcp_types.JSONRPCNotification) and has_id(line):
+            if isinstance(message, mcp_types.JSONRPCNotification) and is_request(line):
                 # A request whose id is no id would pass for a notification, and its sender would wait without end.
                 _refuse(outbox, line)
                 await asyncio.sleep(0)  # others get their turn, however much of it there is
@@ -245,12 +245,13 @@ class _Lines:
         return line
 
 
-def has_id(text: bytes) -> bool:
-    """Whether a message has an id at its top level; true as well where a number in it is not finite."""
+def is_request(text: bytes) -> bool:
+    """Whether a message has a method and an id, whatever its id is; true as well for what is no strict JSON."""
     try:
-        return b'"id"' in text and "id" in parse(text)
+        message = parse(text)
     except ValueError:
         return True
+    return isinstance(message, dict) and "method" in message and "id" in message
 
 
 def _refuse(outbox: _Outbox, line: bytes) -> None:

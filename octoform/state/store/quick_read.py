@@ -159,12 +159,11 @@ def _is_whole(document: Mapping[str, Any]) -> bool:
 
 
 def _is_whole_node(node: Mapping[str, Any]) -> bool:
-    named = (
-        (*node.get("key_parts", {}).values(), *node.get("platform", {}).values()) if _typed(node, _NODE) else (None,)
-    )
-    time = node.get("accepted_at")
+    if not _typed(node, _NODE):
+        return False
+    texts, time = (*node.get("key_parts", {}).values(), *node.get("platform", {}).values()), node.get("accepted_at")
     return (
-        all(isinstance(item, str) for item in named)
+        all(isinstance(item, str) for item in texts)
         and _typed(node.get("usage", {}), _USAGE)
         and node.get("status", "accepted") in _STATUS
         and (time is None or _TIME.fullmatch(time) is not None)

@@ -14,7 +14,7 @@ from octoform.diagnostics.certificates import UNTRUSTED
 from octoform.endpoint.bounded_program import Finished, ForkServer, run
 from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
-from octoform.endpoint.environment.lockfile import OFFLINE, normalise, resolve, unreached
+from octoform.endpoint.environment.lockfile import OFFLINE, network_hint, normalise, resolve
 from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, packages_of, pins
 from octoform.endpoint.environment.wheel_records import requirements
 from octoform.endpoint.published_files import MANIFEST
@@ -120,9 +120,9 @@ def test_without_a_network_and_a_cache_the_reason_is_the_network(
 
 def test_a_certificate_that_is_not_trusted_is_no_missing_network() -> None:
     words = "error: Failed to fetch\n  cause: error sending request\n  cause: invalid peer certificate: UnknownIssuer"
-    assert unreached(Finished(2, "", words, 1.0)) == UNTRUSTED
-    assert unreached(Finished(2, "", words.partition("  cause: invalid")[0], 1.0)) == OFFLINE
-    assert unreached(Finished(2, "", "no solution", 1.0)) is None
+    assert network_hint(Finished(2, "", words, 1.0)) == UNTRUSTED
+    assert network_hint(Finished(2, "", words.partition("  cause: invalid")[0], 1.0)) == OFFLINE
+    assert network_hint(Finished(2, "", "no solution", 1.0)) is None
 
 
 def test_the_tool_sees_the_index_configuration_and_no_secrets(monkeypatch: pytest.MonkeyPatch) -> None:
