@@ -11,6 +11,7 @@ from typing import Any
 
 import pytest
 from bench_host import written
+from cases import for_each
 from held import Change, Output, both, refusals
 from projects import Project
 from server_edits import all_of, body, swap
@@ -108,7 +109,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     return dict(zip(WRONG, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", WRONG)
+@for_each("case", WRONG)
 def test_a_wrong_set_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
     assert code in refused[case] and found in refused[case][code], refused[case]

@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 from bench_host import shop
+from cases import for_each
 from held import Change, Output, both, probed, refusals
 
 from octoform.base.id_databases import IdDatabases
@@ -308,7 +309,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
     return dict(zip(WRONG, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", WRONG)
+@for_each("case", WRONG)
 def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(
     refused: dict[str, dict[str, str]], case: str
 ) -> None:

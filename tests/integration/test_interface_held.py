@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 from bench_host import desk
+from cases import for_each
 from held import Change, Output, both, refusals
 
 from octoform.base.id_databases import IdDatabases
@@ -215,7 +216,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory) -> dict[str, dict[str, str
     return dict(zip(WRONG, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", WRONG)
+@for_each("case", WRONG)
 def test_what_a_caller_could_misuse_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
     assert list(refused[case]) == [code] and found in refused[case][code], refused[case]

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 from bench_host import SERIAL, lab
+from cases import for_each
 from held import refusals, scanned
 from projects import Project
 
@@ -126,7 +127,7 @@ def applied(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[str
     return project, dict(zip(WRONG, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", WRONG)
+@for_each("case", WRONG)
 def test_what_the_host_contradicts_is_refused_with_the_true_line(
     applied: tuple[Project, dict[str, dict[str, str]]], case: str
 ) -> None:

@@ -10,6 +10,7 @@ from typing import Any
 import held
 import pytest
 from bench_host import lab
+from cases import for_each
 from held import Output, changed, refusals
 from projects import Project
 from sysfs_tree import Tree
@@ -128,14 +129,14 @@ def identified(tmp_path_factory: pytest.TempPathFactory) -> tuple[Project, dict[
     return project, dict(zip(IDENTIFY, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", PROBE)
+@for_each("case", PROBE)
 def test_what_is_near_is_told_as_such_and_what_a_device_has_is_told_whole(
     probed: tuple[Project, dict[str, dict[str, str]]], case: str
 ) -> None:
     assert PROBE[case][1] in probed[1][case], probed[1][case]
 
 
-@pytest.mark.parametrize("case", IDENTIFY)
+@for_each("case", IDENTIFY)
 def test_nothing_near_is_used_and_no_product_is_known_beforehand(
     identified: tuple[Project, dict[str, dict[str, str]]], case: str
 ) -> None:

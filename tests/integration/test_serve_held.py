@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 from bench_host import written
+from cases import for_each
 from held import Edit, Output, refusals
 from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of, body, line, read_by, swap, uses, warm
 
@@ -637,7 +638,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     return dict(zip(WRONG, errors, strict=True))
 
 
-@pytest.mark.parametrize("case", WRONG)
+@for_each("case", WRONG)
 def test_a_wrong_server_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
     assert list(refused[case]) == [code] and found in refused[case][code], refused[case]
@@ -654,7 +655,7 @@ def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Cal
     assert errors == [] and (project.state / "serve" / "server.py").read_text() == server
 
 
-@pytest.mark.parametrize("way", RIGHT)
+@for_each("way", RIGHT, parts=2)
 def test_a_right_way_to_read_gives_no_finding(way: str, desk_server: tuple[Output, str]) -> None:
     interface, good = desk_server
     assert serve_static(all_of(IMPORTS, reading_by(way, 0))(good), interface) == []
