@@ -24,8 +24,7 @@ from uv import find_uv_bin
 
 from octoform.base import shortage
 from octoform.base.files import head
-from octoform.builtin.protocol_definitions import Profiles
-from octoform.builtin.task import Task, TaskRefused
+from octoform.builtin.task import Profiles, Task, TaskRefused
 from octoform.records import dataclass
 
 # What a server's source declares: the dependencies in its header (PEP 723) and the modules that it imports.

@@ -41,8 +41,7 @@ from octoform.builtin.description.claim_model import (
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import CLASS_ONLY, NOTHING, Identity, identity
 from octoform.builtin.description.product_names import GENERIC
-from octoform.builtin.protocol_definitions import Profiles
-from octoform.builtin.task import Task
+from octoform.builtin.task import Profiles, Task
 
 # Makes a device unknown whose name the stage's contract would refuse, so that one string never ends an onboarding.
 #

@@ -23,7 +23,7 @@ from octoform.builtin.description.claim_model import (
 )
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import CLASS_ONLY, FULL, names_its_chip
-from octoform.builtin.protocol_definitions import Profiles, holding, parameters
+from octoform.builtin.task import Profiles, holding, parameters
 
 _ROOT_HUB = re.compile(r"/usb\d+$")
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")

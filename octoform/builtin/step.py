@@ -3,8 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from octoform.builtin.protocol_definitions import holding, parameters
-from octoform.builtin.task import Task, TaskRefused
+from octoform.builtin.task import Task, TaskRefused, holding, parameters
 
 # Which camera is looked through: the one that a person named, else one on a hub of its own, else a USB one.
 

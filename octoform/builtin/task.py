@@ -1,15 +1,19 @@
-"""The embedded agent's side of a task: what it was asked, what it may read, where it writes.
+"""The embedded agent's side of a task: what it was asked, what it may read (its profiles too), where it writes.
 
 Kept apart from the stages so that each of them sees only a `Task` and cannot learn anything else about the run. The
 output appears whole or not at all (temporary file, flush, rename), because a half-written file would otherwise be
 one more failure to diagnose.
+
+The protocol definition of a profile is a closed list of typed lines, so it is enough to make tools from: this is all
+that the embedded agent ever knows of a product, and it knows it only from the owner's own text.
 """
 
 import json
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import field
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -147,3 +151,37 @@ def _refused(document: Mapping[str, Any], former: Path) -> tuple[Mapping[str, An
     return tuple(
         entries[place] for place in sorted(places) if place < len(entries) and isinstance(entries[place], dict)
     )
+
+
+Profiles = Iterable[Mapping[str, Any]]
+"""The profiles of a task (``Task.profiles``)."""
+
+
+def holding(profiles: Profiles, device: str) -> Mapping[str, Any] | None:
+    """The profile that matches a device: the first with a protocol definition, else the first; mostly None."""
+    found = [profile for profile in profiles if device in profile.get("holds", ())]
+    return next((profile for profile in found if profile.get("grammar")), found[0] if found else None)
+
+
+def commands(profiles: Profiles) -> dict[str, tuple[Mapping[str, Any], Mapping[str, Any]]]:
+    """Tool name to (profile, command); the contracts of octoform keep a tool in one protocol definition alone."""
+    return {
+        str(command["tool"]): (profile, command)
+        for profile in profiles
+        for command in (profile.get("grammar") or {}).get("commands", ())
+    }
+
+
+def parameters(profile: Mapping[str, Any], command: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+    """The parameters of a command, each with its bounds as far as the limits of the profile narrow them."""
+    found = {name: dict(value) for name, value in command.get("parameters", {}).items()}
+    for limit in profile.get("limits", ()):
+        value = found.get(limit.get("parameter", ""))
+        if value is None or not fnmatchcase(str(command["tool"]), limit.get("tool", "*")):
+            continue
+        for bound, tighter in (("minimum", max), ("maximum", min)):
+            if bound in limit:
+                value[bound] = tighter(value.get(bound, limit[bound]), limit[bound])
+        if "unit" in limit:
+            value["unit"] = limit["unit"]
+    return found

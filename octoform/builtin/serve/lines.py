@@ -8,10 +8,9 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.builtin.protocol_definitions import Profiles
-from octoform.builtin.protocol_definitions import commands as all_commands
 from octoform.builtin.serve.functions import Shapes, heading, quoted
-from octoform.builtin.task import TaskRefused
+from octoform.builtin.task import Profiles, TaskRefused
+from octoform.builtin.task import commands as all_commands
 
 Spoken = Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]
 """Tool name to (profile, command)."""

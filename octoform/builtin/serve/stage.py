@@ -14,10 +14,9 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from octoform.base.source_lines import counted
 from octoform.builtin.classes.outputs import BREAKOUT_DRIVERS, HEADER_NAME
-from octoform.builtin.protocol_definitions import Profiles
 from octoform.builtin.serve import lines, registers
 from octoform.builtin.serve.functions import Shapes, annotation_names, heading, registration
-from octoform.builtin.task import Task, TaskRefused
+from octoform.builtin.task import Profiles, Task, TaskRefused
 
 # Puts the server together: header, imports, types, and the sections of the classes that are needed.
 #
