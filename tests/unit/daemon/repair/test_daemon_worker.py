@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from octoform.daemon.repair.jobs import JOBS
-from octoform.daemon.repair.worker import BAD_JOB, STOPPED
+from octoform.daemon.repair.worker import BAD_JOB, JOBS, STOPPED
 from octoform.state.layout import Layout
 from octoform.state.store.lock import acquire
 

@@ -12,8 +12,8 @@ from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
 from octoform.daemon.repair import device_binding, disk_cleanup
 from octoform.daemon.repair.device_binding import rebind
 from octoform.daemon.repair.disk_cleanup import free, rotate
-from octoform.daemon.repair.jobs import JOBS
 from octoform.daemon.repair.repairer import Repairs, done
+from octoform.daemon.repair.worker import JOBS
 from octoform.diagnostics import error
 from octoform.endpoint.environment.model import MARKER
 from octoform.state.artifact_cache import read_instances, write_instances
