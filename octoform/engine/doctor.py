@@ -26,7 +26,6 @@ from octoform.harness import installer, logins, port, registry
 from octoform.harness import program_location as installed
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
-from octoform.harness.atomic_install import Setup
 from octoform.harness.doctor_checks import (
     Check,
     Status,
@@ -38,6 +37,7 @@ from octoform.harness.doctor_checks import (
     sandbox_check,
     unknown,
 )
+from octoform.harness.installer import Setup
 from octoform.harness.llm.route import Route, access, apis_for, route
 from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.manifest.loader import load

@@ -21,9 +21,8 @@ from octoform.diagnostics import did_you_mean
 from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import sandbox
-from octoform.harness.installer import node_version
+from octoform.harness.installer import at_least, dotted, node_version
 from octoform.harness.llm.route import Access
-from octoform.harness.node_runtime import at_least, dotted
 from octoform.harness.program_location import Located, Pin
 from octoform.harness.short_command import stated_version
 from octoform.manifest.credentials import ANTHROPIC, GEMINI, is_sendable

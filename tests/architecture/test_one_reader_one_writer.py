@@ -32,7 +32,7 @@ FOLDERS = {
     "endpoint/environment/build.py": ["os.link"],
     "engine/recording.py": ["target.rename", "draft.rename", "former.rename"],
     "engine/unattended/repairs.py": ["place.rename", "aside.rename"],
-    "harness/atomic_install.py": ["staging.rename"],
+    "harness/installer.py": ["staging.rename"],
     "state/artifact_cache.py": ["shutil.move"],
     "state/files.py": ["path.rename"],
 }

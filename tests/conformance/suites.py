@@ -17,8 +17,7 @@ from typing import Any
 
 from octoform.diagnostics import Diagnostic
 from octoform.engine.doctor import _fetch
-from octoform.harness.atomic_install import Setup
-from octoform.harness.installer import home_of, install
+from octoform.harness.installer import Setup, home_of, install
 from octoform.harness.program_location import RECORD, Pin, folder
 
 HANDSHAKE = Pin("@modelcontextprotocol/conformance", "0.1.16", "conformance", (22, 0))

@@ -9,8 +9,7 @@ from typing import Any
 from python_programs import head, python_program
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness.atomic_install import Setup
-from octoform.harness.installer import Installation, install
+from octoform.harness.installer import Installation, Setup, install
 from octoform.harness.program_location import RECORD, Pin
 
 PIN = Pin("@scope/agent", "1.2.3", "agent", (22, 19))

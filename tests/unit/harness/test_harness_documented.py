@@ -7,7 +7,7 @@ import pytest
 
 from octoform.harness import registry
 from octoform.harness.adapters.program import ProgramHarness
-from octoform.harness.node_runtime import dotted
+from octoform.harness.installer import dotted
 from octoform.manifest.credentials import PROVIDERS
 from octoform.manifest.model import HarnessSpec
 
