@@ -36,8 +36,8 @@ from octoform.endpoint.bounded_program import UNCHECKED
 from octoform.endpoint.environment.build import prune
 from octoform.endpoint.environment.model import FOLDER_NAME, MARKER, Environment, at
 from octoform.endpoint.expected_tools import denied
-from octoform.endpoint.mcp_clients.formats import CLIENTS as PROGRAMS
-from octoform.endpoint.mcp_clients.formats import Client, form, of
+from octoform.endpoint.mcp_clients.known_clients import CLIENTS as PROGRAMS
+from octoform.endpoint.mcp_clients.known_clients import Client, form, of
 from octoform.endpoint.mcp_clients.merge import Wish, written
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.start_stop import stop

@@ -12,11 +12,10 @@ from pathlib import Path
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.endpoint.access import tokens
 from octoform.endpoint.access import tunnel as external_address
-from octoform.endpoint.mcp_clients import formats, merge
 from octoform.endpoint.mcp_clients import install as client_install
-from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
+from octoform.endpoint.mcp_clients import known_clients, merge
 from octoform.endpoint.mcp_clients.install import ClientState, Outcome, Reach, Server
-from octoform.endpoint.mcp_clients.paths import Surroundings
+from octoform.endpoint.mcp_clients.known_clients import CLIENTS, Client, Surroundings
 from octoform.endpoint.process.record import running
 from octoform.endpoint.publication import client_command, lasting_client_command
 from octoform.engine.plan import memo
@@ -59,7 +58,7 @@ def printed(
     if server is None:
         return None, [*found, *more]
     server, result = _outward(layout, replace(server, bearer=None))
-    entry = formats.form(chosen, server.name, server.command, server.url)
+    entry = known_clients.form(chosen, server.name, server.command, server.url)
     assert entry is not None
     wish = merge.Wish(chosen.table, server.name, entry, prompted=server.url is not None)
     notes = () if server.url is None else (*result, *_token_notes(chosen))
@@ -98,7 +97,7 @@ def _states(layout: Layout, environ: Mapping[str, str]) -> tuple[ClientState, ..
     reach = Reach(external_address.networked(layout), tuple(urls), tuple(tokens.kept_values(layout).values()))
     around = _around(environ)
     return tuple(
-        client_install.look(formats.of(client, server.name), around, server, reach) for client in CLIENTS.values()
+        client_install.look(known_clients.of(client, server.name), around, server, reach) for client in CLIENTS.values()
     )
 
 
@@ -168,7 +167,7 @@ def _chosen(
         hint = f"did you mean {known[near].key}?" if near else f"known clients: {', '.join(CLIENTS)}"
         return None, None, [error("CLIENT-UNKNOWN", f"there is no client {client!r}", hint=hint)]
     layout, found = _layout(project, environ, host, gone=gone)
-    return (chosen if layout is None else formats.of(chosen, _name(layout))), layout, found
+    return (chosen if layout is None else known_clients.of(chosen, _name(layout))), layout, found
 
 
 def _layout(
@@ -247,7 +246,7 @@ def _url(layout: Layout) -> str | None:
 
 
 def _name(layout: Layout) -> str:
-    return f"{formats.PREFIX}{layout.host}"
+    return f"{known_clients.PREFIX}{layout.host}"
 
 
 def _around(environ: Mapping[str, str]) -> Surroundings:

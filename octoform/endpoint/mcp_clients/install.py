@@ -17,10 +17,9 @@ from octoform.base import files
 from octoform.base.files import private_folder
 from octoform.diagnostics import Diagnostic, Span, error
 from octoform.endpoint.access.tokens import PREFIX
-from octoform.endpoint.mcp_clients import formats, merge
-from octoform.endpoint.mcp_clients.formats import Client
+from octoform.endpoint.mcp_clients import known_clients, merge
+from octoform.endpoint.mcp_clients.known_clients import Client, Surroundings
 from octoform.endpoint.mcp_clients.merge import Edited, Hunk, Taken, Wish
-from octoform.endpoint.mcp_clients.paths import Surroundings
 from octoform.endpoint.mcp_clients.text_edit import Path as Way
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at, place
 from octoform.records import dataclass
@@ -193,11 +192,11 @@ class Server:
 
     def owns(self, entry: Mapping[str, Any]) -> bool:
         """True for an entry that octoform wrote for this host, whatever its interpreter, port or form."""
-        found = formats.words(entry)
+        found = known_clients.words(entry)
         if found and found[1:] == self.command[1:]:
             return True
-        address = formats.address(entry)
-        marks = (formats.VARIABLE, formats.INPUT, f"Bearer {PREFIX}")
+        address = known_clients.address(entry)
+        marks = (known_clients.VARIABLE, known_clients.INPUT, f"Bearer {PREFIX}")
         return address is not None and (address == self.url or any(mark in json.dumps(entry) for mark in marks))
 
 
@@ -278,7 +277,7 @@ def look(client: Client, around: Surroundings, server: Server, reach: Reach) -> 
 
 def _current(client: Client, text: str, entry: Mapping[str, Any], server: Server, reach: Reach) -> bool:
     """Whether bringing in an entry of the same transport would change nothing."""
-    address = formats.address(entry)
+    address = known_clients.address(entry)
     if address is None:
         wanted = replace(server, url=None, bearer=None)
     elif not reach.http or (reach.urls and address not in reach.urls):
@@ -363,13 +362,13 @@ def _put(found: ConfigFile, text: str | None, mode: int, way: Way, outcome: Outc
 
 def _wish(client: Client, text: str, server: Server) -> Wish:
     """The entry and its place; a URL is only given for a client that knows HTTP."""
-    entry = formats.form(client, server.name, server.command, server.url, server.bearer)
+    entry = known_clients.form(client, server.name, server.command, server.url, server.bearer)
     assert entry is not None
     content = merge.NOTATIONS[client.notation].read(text)
     content = {} if isinstance(content, Unreadable) else content
     standing = _standing(client, content, server)
-    table = standing[:-1] if standing else formats.table_of(client, content)
-    forms = (formats.form(client, "", server.command, url) or {} for url in (None, server.url or "-"))
+    table = standing[:-1] if standing else known_clients.table_of(client, content)
+    forms = (known_clients.form(client, "", server.command, url) or {} for url in (None, server.url or "-"))
     fields = frozenset(key for form in forms for key in form)
     return Wish(table, server.name, entry, prompted=server.url is not None, dropped=fields - entry.keys())
 
@@ -384,7 +383,7 @@ def _standing(client: Client, content: Mapping[str, Any], server: Server) -> Way
 
 
 def _transport(entry: Any) -> str:
-    return "http" if isinstance(entry, Mapping) and formats.address(entry) is not None else "stdio"
+    return "http" if isinstance(entry, Mapping) and known_clients.address(entry) is not None else "stdio"
 
 
 def _masked(hunks: tuple[Hunk, ...], secret: str | None) -> tuple[Hunk, ...]:
@@ -419,6 +418,6 @@ def _refused(found: ConfigFile, reason: Taken | Unreadable, entry: Mapping[str, 
 
 def _command_text(entry: Mapping[str, Any]) -> str:
     """The command or URL of an entry; not its variables and headers, which may be secrets."""
-    text = formats.address(entry) or " ".join(formats.words(entry)) or "neither a command nor a URL"
+    text = known_clients.address(entry) or " ".join(known_clients.words(entry)) or "neither a command nor a URL"
     others = sorted(set(entry) - {"command", "cmd", "args", "url", "uri", "type"})
     return text + (f"  (also: {', '.join(others)})" if others else "")

@@ -11,8 +11,8 @@ from itertools import pairwise
 from typing import Any, TypeAlias
 
 from octoform.endpoint.mcp_clients import json_edit
-from octoform.endpoint.mcp_clients.formats import Client, Form
 from octoform.endpoint.mcp_clients.json_edit import JSON
+from octoform.endpoint.mcp_clients.known_clients import Client, Form
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, at
 from octoform.endpoint.mcp_clients.toml_text import TOML
 from octoform.endpoint.mcp_clients.yaml_text import YAML

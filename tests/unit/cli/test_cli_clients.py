@@ -14,7 +14,7 @@ from ruamel.yaml import YAML
 
 from octoform.cli.main import main
 from octoform.endpoint.access.tunnel import no_tunnel, tunnel_opened
-from octoform.endpoint.mcp_clients.formats import CLIENTS, of
+from octoform.endpoint.mcp_clients.known_clients import CLIENTS, of
 from octoform.endpoint.publication import client_command, snippets
 from octoform.engine.clients import left_behind
 from octoform.state.layout import Layout

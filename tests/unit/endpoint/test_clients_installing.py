@@ -10,9 +10,8 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.mcp_clients import install
-from octoform.endpoint.mcp_clients.formats import CLIENTS, Client
 from octoform.endpoint.mcp_clients.install import Outcome, Reach, Server
-from octoform.endpoint.mcp_clients.paths import Surroundings
+from octoform.endpoint.mcp_clients.known_clients import CLIENTS, Client, Surroundings
 
 COMMAND = ("/venv/bin/python", "-I", "-m", "octoform.cli", "-chdir=/home/me/rig", "connect", "bench")
 SERVER = Server("octoform-bench", COMMAND)

@@ -11,8 +11,8 @@ from ruamel.yaml import YAML
 from unit.endpoint.client_documents import documents
 
 from octoform.endpoint.mcp_clients import json_edit, merge, toml_text, yaml_text
-from octoform.endpoint.mcp_clients.formats import CLIENTS, Client, form
 from octoform.endpoint.mcp_clients.json_edit import Node
+from octoform.endpoint.mcp_clients.known_clients import CLIENTS, Client, form
 from octoform.endpoint.mcp_clients.merge import Edited, Taken, Wish
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at
 

@@ -1,17 +1,18 @@
-"""How each client writes a server down: over stdio and over HTTP, and how it refers to a token.
+"""The known clients: where each keeps the servers of a user, how it writes one down, and how it refers to a token.
 
 Tried with the real programs: Claude Code, Codex, Gemini CLI, opencode. The others as their documentation has them. A
 token's value is never part of a form: where the client expands variables it is named, VS Code asks for it, and where
-a client can do neither (``reference`` is None) the caller has to give the value.
+a client can do neither (``reference`` is None) the caller has to give the value. The file is always the user's own,
+never a project's: the command holds absolute paths of this machine.
 """
 
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
+from pathlib import Path
 from typing import Any, TypeAlias
 
-from octoform.endpoint.mcp_clients import paths
-from octoform.endpoint.mcp_clients.text_edit import Path
+from octoform.endpoint.mcp_clients.text_edit import Path as KeyPath
 from octoform.records import dataclass
 
 VARIABLE = "OCTOFORM_TOKEN"
@@ -22,6 +23,100 @@ STARTUP_SECONDS = 60
 """A small board needs ten times the second or two that a server's start takes elsewhere."""
 GOOSE_SECONDS = 300
 Form: TypeAlias = dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """The inputs that decide the paths of files: the environment, and the system (``sys.platform``)."""
+
+    environ: Mapping[str, str]
+    platform: str = "linux"
+
+    def home(self, *variables: str) -> Path:
+        """The folder of the first variable that is set, else the user's home."""
+        for name in (*variables, "USERPROFILE" if self.platform == "win32" else "HOME"):
+            if self.environ.get(name):
+                return Path(self.environ[name])
+        return Path.home()
+
+    def named(self, variable: str, default: Path) -> Path:
+        """The folder or file that a variable names, or the default."""
+        value = self.environ.get(variable)
+        return Path(value).expanduser() if value else default
+
+    def settings(self) -> Path:
+        """Where programs with a window of their own keep settings."""
+        if self.platform == "darwin":
+            return self.home() / "Library" / "Application Support"
+        if self.platform == "win32":
+            return self.named("APPDATA", self.home() / "AppData" / "Roaming")
+        return self.config()
+
+    def config(self) -> Path:
+        """Where programs of a terminal keep settings."""
+        return self.named("XDG_CONFIG_HOME", self.home() / ".config")
+
+
+Places: TypeAlias = Callable[[Surroundings], tuple[Path, ...]]
+"""The files in which a client would look, the preferred one first; it is taken when none is there."""
+
+
+def _claude_code_files(around: Surroundings) -> tuple[Path, ...]:
+    """One file for everything that the program remembers."""
+    return (around.named("CLAUDE_CONFIG_DIR", around.home()) / ".claude.json",)
+
+
+def _claude_desktop_files(around: Surroundings) -> tuple[Path, ...]:
+    """In the settings of the window program."""
+    return (around.settings() / "Claude" / "claude_desktop_config.json",)
+
+
+def _codex_files(around: Surroundings) -> tuple[Path, ...]:
+    """In its home."""
+    return (around.named("CODEX_HOME", around.home() / ".codex") / "config.toml",)
+
+
+def _gemini_cli_files(around: Surroundings) -> tuple[Path, ...]:
+    """In the user's settings; ``GEMINI_CLI_HOME`` stands for the home folder."""
+    return (around.home("GEMINI_CLI_HOME") / ".gemini" / "settings.json",)
+
+
+def _cursor_files(around: Surroundings) -> tuple[Path, ...]:
+    """In the home folder on every system."""
+    return (around.home() / ".cursor" / "mcp.json",)
+
+
+def _vscode_files(around: Surroundings) -> tuple[Path, ...]:
+    """In the default profile; a portable installation has it beside the program."""
+    portable = around.environ.get("VSCODE_PORTABLE")
+    base = Path(portable) / "user-data" if portable else around.settings() / "Code"
+    return (base / "User" / "mcp.json",)
+
+
+def _opencode_files(around: Surroundings) -> tuple[Path, ...]:
+    """It reads all of them, and makes the first by itself."""
+    folder = around.config() / "opencode"
+    return tuple(folder / name for name in ("opencode.jsonc", "opencode.json", "config.json"))
+
+
+def _goose_files(around: Surroundings) -> tuple[Path, ...]:
+    """The same folder on Linux and macOS."""
+    if around.environ.get("GOOSE_PATH_ROOT"):
+        return (Path(around.environ["GOOSE_PATH_ROOT"]) / "config" / "config.yaml",)
+    if around.platform == "win32":
+        return (around.settings() / "Block" / "goose" / "config" / "config.yaml",)
+    return (around.config() / "goose" / "config.yaml",)
+
+
+def _lm_studio_files(around: Surroundings) -> tuple[Path, ...]:
+    """Some builds keep it with their cache."""
+    return (around.home() / ".lmstudio" / "mcp.json", around.home() / ".cache" / "lm-studio" / "mcp.json")
+
+
+def _openclaw_files(around: Surroundings) -> tuple[Path, ...]:
+    """In its state folder, unless its configuration is named by itself."""
+    folder = around.named("OPENCLAW_STATE_DIR", around.home("OPENCLAW_HOME") / ".openclaw")
+    return (around.named("OPENCLAW_CONFIG_PATH", folder / "openclaw.json"),)
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,15 +133,15 @@ class Client:
     title: str
     file: str
     notation: str
-    places: paths.Places
-    table: Path
+    places: Places
+    table: KeyPath
     stdio: Callable[[Sequence[str]], Form]
     http: Callable[[str, str], Form] | None
     reference: str | None
     after: str
     aliases: tuple[str, ...] = ()
-    older: Path | None = None
-    prompt: tuple[Path, Form] | None = None
+    older: KeyPath | None = None
+    prompt: tuple[KeyPath, Form] | None = None
     named: bool = field(default=False)
     variable: str = VARIABLE
 
@@ -92,7 +187,7 @@ def address(entry: Mapping[str, Any]) -> str | None:
     return found if isinstance(found, str) else None
 
 
-def table_of(client: Client, content: Mapping[str, Any]) -> Path:
+def table_of(client: Client, content: Mapping[str, Any]) -> KeyPath:
     """Where a new server goes: the older notation where the file has it and not the newer one."""
     if client.older is None:
         return client.table
@@ -171,44 +266,44 @@ CLIENTS: Mapping[str, Client] = {
     client.key: client
     for client in (
         Client(
-            "claude-code", "Claude Code", "claude-code.json", "json", paths.claude_code, _SERVERS, _typed, _typed_http,
+            "claude-code", "Claude Code", "claude-code.json", "json", _claude_code_files, _SERVERS, _typed, _typed_http,
             _SHELL, "start a new session of claude", ("claude", "claudecode"),
         ),
         Client(
-            "claude-desktop", "Claude Desktop", "claude-desktop.json", "json", paths.claude_desktop, _SERVERS, _plain,
+            "claude-desktop", "Claude Desktop", "claude-desktop.json", "json", _claude_desktop_files, _SERVERS, _plain,
             None, None, "quit Claude Desktop and start it again",
         ),
         Client(
-            "codex", "Codex", "codex.toml", "toml", paths.codex, ("mcp_servers",), _codex, _codex_http,
+            "codex", "Codex", "codex.toml", "toml", _codex_files, ("mcp_servers",), _codex, _codex_http,
             VARIABLE, "start a new session of codex", ("codex-cli", "openai-codex"),
         ),
         Client(
-            "gemini-cli", "Gemini CLI", "gemini-cli.json", "json", paths.gemini_cli, _SERVERS, _plain, _typed_http,
+            "gemini-cli", "Gemini CLI", "gemini-cli.json", "json", _gemini_cli_files, _SERVERS, _plain, _typed_http,
             _SHELL, "start a new session of gemini", ("gemini",),
         ),
         Client(
-            "cursor", "Cursor", "cursor.json", "json", paths.cursor, _SERVERS, _plain, _plain_http,
+            "cursor", "Cursor", "cursor.json", "json", _cursor_files, _SERVERS, _plain, _plain_http,
             f"${{env:{VARIABLE}}}", "enable the server in Cursor's settings, if it is not",
         ),
         Client(
-            "vscode", "VS Code", "vscode.json", "json", paths.vscode, ("servers",), _typed, _typed_http,
+            "vscode", "VS Code", "vscode.json", "json", _vscode_files, ("servers",), _typed, _typed_http,
             f"${{input:{INPUT}}}", "start the server from VS Code's list of MCP servers",
             ("vs-code", "visual-studio-code", "code", "copilot"), prompt=(("inputs",), _PROMPT),
         ),
         Client(
-            "opencode", "opencode", "opencode.json", "json", paths.opencode, ("mcp", "servers"), _opencode,
+            "opencode", "opencode", "opencode.json", "json", _opencode_files, ("mcp", "servers"), _opencode,
             _opencode_http, f"{{env:{VARIABLE}}}", "start opencode again", ("open-code",), older=("mcp",),
         ),
         Client(
-            "goose", "Goose", "goose.yaml", "yaml", paths.goose, ("extensions",), _goose, _goose_http,
+            "goose", "Goose", "goose.yaml", "yaml", _goose_files, ("extensions",), _goose, _goose_http,
             _SHELL, "start a new session of goose", ("block-goose",), named=True,
         ),
         Client(
-            "lm-studio", "LM Studio", "lm-studio.json", "json", paths.lm_studio, _SERVERS, _plain, _plain_http,
+            "lm-studio", "LM Studio", "lm-studio.json", "json", _lm_studio_files, _SERVERS, _plain, _plain_http,
             None, "LM Studio reads the file again by itself", ("lmstudio", "lms"),
         ),
         Client(
-            "openclaw", "OpenClaw", "openclaw.json", "json", paths.openclaw, ("mcp", "servers"), _plain,
+            "openclaw", "OpenClaw", "openclaw.json", "json", _openclaw_files, ("mcp", "servers"), _plain,
             _openclaw_http, _SHELL, "run openclaw mcp reload", ("open-claw", "clawdbot"),
         ),
     )
