@@ -37,9 +37,8 @@ from octoform.endpoint.client.check import CheckReport, check, judge_check
 from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
-from octoform.endpoint.environment.model import Environment, packages_of
+from octoform.endpoint.environment.model import Environment, packages_of, providers, requirements
 from octoform.endpoint.environment.system_programs import lacks, missing_programs
-from octoform.endpoint.environment.wheel_records import providers, requirements
 from octoform.endpoint.expected_tools import display
 from octoform.endpoint.policy import Holding
 from octoform.endpoint.policy import resolve as resolve_policy

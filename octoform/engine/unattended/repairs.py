@@ -16,8 +16,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.endpoint.client.check import check, judge_check
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.lockfile import packages
-from octoform.endpoint.environment.model import Environment, at, locate, packages_of
-from octoform.endpoint.environment.wheel_records import altered
+from octoform.endpoint.environment.model import Environment, altered, at, locate, packages_of
 from octoform.endpoint.expected_tools import display as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running

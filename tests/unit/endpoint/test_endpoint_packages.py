@@ -15,8 +15,17 @@ from octoform.endpoint.bounded_program import Finished, ForkServer, run
 from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import OFFLINE, network_hint, normalise, resolve
-from octoform.endpoint.environment.model import MARKER, Environment, at, installed, intact, locate, packages_of, pins
-from octoform.endpoint.environment.wheel_records import requirements
+from octoform.endpoint.environment.model import (
+    MARKER,
+    Environment,
+    at,
+    installed,
+    intact,
+    locate,
+    packages_of,
+    pins,
+    requirements,
+)
 from octoform.endpoint.published_files import MANIFEST
 from octoform.state.layout import Layout
 
