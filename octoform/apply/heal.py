@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform import events
-from octoform.apply import duty_input
+from octoform.apply import duty
 from octoform.apply.context import HEALED, Context, accepted
-from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.duty import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.apply.rewrite.review import Reach, objections, reach_of
@@ -290,12 +290,12 @@ def _given(context: Context, case: Case, brief: Mapping[str, Any]) -> Given:
         "format": 1,
         "host": context.layout.host,
         "target": case.target,
-        "error": duty_input.plain(case.error),
+        "error": duty.plain(case.error),
         "tool": tool,
         "functions": list(case.reach.functions),
         "device": next((item for item in devices if item["id"] == wanted), None),
-        "readings": duty_input.readings_of(brief),
-        "failures": duty_input.failures_of(brief),
+        "readings": duty.readings_of(brief),
+        "failures": duty.failures_of(brief),
         **_packages(case.known.deploy or {}),
         "log": log.text,
         "server": SERVER,
@@ -307,8 +307,8 @@ def _packages(deploy: Mapping[str, Any]) -> dict[str, Any]:
     """DEPLOY's packages, and those that it found to be incompatible."""
     packages = [{"name": item["name"], "version": item["version"]} for item in deploy.get("requirements") or ()]
     return {
-        "packages": duty_input.plain(packages),
-        "conflicts": duty_input.plain(list(deploy.get("conflicts") or ())),
+        "packages": duty.plain(packages),
+        "conflicts": duty.plain(list(deploy.get("conflicts") or ())),
     }
 
 

@@ -10,10 +10,9 @@ from dataclasses import field, replace
 from typing import Any
 
 from octoform import events
-from octoform.apply import duty_input
+from octoform.apply import duty
 from octoform.apply.context import Context
-from octoform.apply.duty_input import LogSlice, camera_frames, slice_of
-from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.duty import DutyOutcome, LogSlice, camera_frames, refusal, slice_of
 from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, display, read_value
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
@@ -110,14 +109,14 @@ def log_excerpt(context: Context, brief: Mapping[str, Any]) -> LogSlice:
     secrets = agent_environment.secrets(context.environ, manifest.variables)
     settings = manifest.housekeeping
     completion = LiteLLMCompletion(settings, context.environ) if settings is not None else None
-    found = slice_of(context.layout, duty_input.since_of(brief), secrets, completion)
+    found = slice_of(context.layout, duty.since_of(brief), secrets, completion)
     if found.reason:
         context.emit(events.Notice(WATCH, f"the log is not summarised, WATCH gets its newest lines: {found.reason}"))
     return found
 
 
 def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Given:
-    readings = duty_input.readings_of(brief)
+    readings = duty.readings_of(brief)
     log = log_excerpt(context, brief)
     seen = camera_frames(context.layout, context.manifest.perception, readings)
     interface = known.interface or {"tools": []}
@@ -126,10 +125,10 @@ def _given(context: Context, known: Artifacts, brief: Mapping[str, Any]) -> Give
         "host": context.layout.host,
         "since": str(brief.get("since") or "")[:64],
         "readings": readings,
-        "failures": duty_input.failures_of(brief),
+        "failures": duty.failures_of(brief),
         "log": log.text,
-        "claims": duty_input.claims_of(brief),
-        "summary": duty_input.summary_of(brief),
+        "claims": duty.claims_of(brief),
+        "summary": duty.summary_of(brief),
         "devices": device_facts(interface, known.identify),
         "tools": tool_facts(interface),
         "frames": [dict(frame) for frame in seen.frames],

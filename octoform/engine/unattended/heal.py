@@ -11,7 +11,7 @@ from typing import Any
 
 from octoform.apply import heal as healing
 from octoform.apply.context import Context
-from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.duty import DutyOutcome, refusal
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, start_stop

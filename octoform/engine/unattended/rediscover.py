@@ -17,7 +17,7 @@ What is asked lies in ``daemon/asks.json``, once for each change.
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.apply.duty_outcome import DutyOutcome
+from octoform.apply.duty import DutyOutcome
 from octoform.apply.rewrite.promotion import MAKER
 from octoform.diagnostics import Diagnostic, Severity, has_errors
 from octoform.endpoint.process.record import is_marked

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.duty import DutyOutcome, refusal
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
 from octoform.apply.watch import WATCH, watch

@@ -9,8 +9,16 @@ import pytest
 
 from octoform.apply import heal
 from octoform.apply.context import HEALED
-from octoform.apply.duty_input import camera_frames, claims_of, failures_of, readings_of, since_of, summary_of
-from octoform.apply.duty_outcome import DutyOutcome, refusal
+from octoform.apply.duty import (
+    DutyOutcome,
+    camera_frames,
+    claims_of,
+    failures_of,
+    readings_of,
+    refusal,
+    since_of,
+    summary_of,
+)
 from octoform.apply.heal import Healed, no_worse
 from octoform.base import digest
 from octoform.base.digest import of_bytes

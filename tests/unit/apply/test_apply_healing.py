@@ -12,8 +12,7 @@ from adopted import AFTER, BEFORE, GRAPH, NEW, OLD, RUNTIME, Crash, Killed, host
 
 from octoform.apply import heal
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty_input import LogSlice
-from octoform.apply.duty_outcome import DutyOutcome
+from octoform.apply.duty import DutyOutcome, LogSlice
 from octoform.apply.heal import Case, roll_back
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.review import Reach

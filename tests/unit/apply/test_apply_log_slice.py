@@ -6,7 +6,7 @@ from pathlib import Path
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.apply.duty_input import ERROR_BYTES, LOG_BYTES, is_problem, slice_of, sliced
+from octoform.apply.duty import ERROR_BYTES, LOG_BYTES, is_problem, slice_of, sliced
 from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.logs import CALLS, SERVER, Line

@@ -6,7 +6,7 @@ from typing import Any, cast
 
 import pytest
 
-from octoform.apply.duty_outcome import DutyOutcome
+from octoform.apply.duty import DutyOutcome
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook

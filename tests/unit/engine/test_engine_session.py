@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.context import Context
-from octoform.apply.duty_outcome import DutyOutcome
+from octoform.apply.duty import DutyOutcome
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record
 from octoform.engine.apply.session import Locked, Opened
