@@ -2,14 +2,27 @@
 
 A function that can meet a user's mistake returns ``(result, diagnostics)`` and gathers all of them; only bugs
 raise. Rendering is the views' business: nothing here prints.
+
+Each code has its long story: one page of prose in the folder ``pages`` beside this module, which ``octoform explain
+CODE`` prints. The pages are files so that writing one needs no code, and so that a test can hold codes and pages
+against each other.
 """
 
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from enum import StrEnum
 
 from octoform.base.escaping import escape_of
 from octoform.records import dataclass
+
+UNTRUSTED_CERTIFICATE = (
+    "put the authority's certificate (of a proxy that inspects TLS: the proxy's) into the system's store, "
+    "or name its file in SSL_CERT_FILE"
+)
+"""The hint where a program does not trust the other side's certificate."""
+_UNTRUSTED = r"(?i)certificate[ _]verify[ _]failed|UnknownIssuer|UNABLE_TO_\w*(SIGNATURE|ISSUER)|SELF_SIGNED_CERT"
+_CODE = r"[A-Z][A-Z0-9]*(?:-[A-Z0-9]+)+"
 
 
 class Severity(StrEnum):
@@ -151,3 +164,36 @@ def _slips(one: str, other: str, most: int) -> int:
         if min(row) > most:
             return most + 1
     return row[-1]
+
+
+def is_untrusted_certificate(text: str) -> bool:
+    """True when a program's words say that it does not trust the other side's certificate."""
+    return re.search(_UNTRUSTED, text) is not None
+
+
+def page_of(code: str) -> str | None:
+    """The page of a code in markdown, its first line ``# CODE: title``; None when there is no such code.
+
+    Letter case and surrounding blanks do not matter.
+    """
+    from importlib import resources  # only where a page is asked for
+
+    wanted = code.strip().upper()
+    page = f"{wanted}.md"
+    return resources.files(__name__).joinpath("pages", page).read_text("utf-8") if wanted in codes() else None
+
+
+def codes() -> list[str]:
+    """Every code that has a page, in alphabetical order."""
+    from importlib import resources
+
+    pages = (resources.files(__name__) / "pages").iterdir()
+    names = [entry.name.removesuffix(".md") for entry in pages if entry.name.endswith(".md")]
+    return sorted(name for name in names if re.fullmatch(_CODE, name))
+
+
+def unknown_code(code: str) -> Diagnostic:
+    """EXPLAIN-UNKNOWN-CODE, with the nearest code as a hint."""
+    near = did_you_mean(code.strip().upper(), codes())
+    hint = f"did you mean {near}?" if near else "`octoform explain` without a code lists all of them"
+    return error("EXPLAIN-UNKNOWN-CODE", f"there is no page for {code!r}", hint=hint)

@@ -17,8 +17,7 @@ from urllib.parse import urlsplit
 import octoform
 from octoform.base import shortage
 from octoform.base.files import parse
-from octoform.diagnostics import did_you_mean
-from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, did_you_mean, is_untrusted_certificate
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import sandbox
 from octoform.harness.installer import at_least, dotted, node_version
@@ -282,7 +281,11 @@ def _api(way: Access, answer: ApiAnswer, environ: Mapping[str, str], passed_on: 
         unseen = _unseen_proxy(way, environ, passed_on)
         hint = f"{unseen} is set, but the agent does not see it: add it to `env` of the harness"
         if not unseen:
-            hint = UNTRUSTED if is_untrusted(answer.problem or "") else "check `base_url` and the network"
+            hint = (
+                UNTRUSTED_CERTIFICATE
+                if is_untrusted_certificate(answer.problem or "")
+                else "check `base_url` and the network"
+            )
         return failed("model API", f"{where}: {answer.problem}", hint)
     if answer.status == 200 or answer.refuses(way.api):
         return passed("model API", f"{where} answers")

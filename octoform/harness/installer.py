@@ -22,8 +22,7 @@ from pathlib import Path
 
 from octoform.base.files import parse, read_plain, replace
 from octoform.base.locks import held
-from octoform.diagnostics import Diagnostic, error
-from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, error, is_untrusted_certificate
 from octoform.harness.containment.agent_environment import certificates
 from octoform.harness.program_location import RECORD, Located, Pin, folder, locate
 from octoform.harness.short_command import ShortRun, short_run, stated_version
@@ -215,7 +214,7 @@ def _missing_node(reason: str) -> Diagnostic:
         "HARNESS-INSTALL-NODE",
         f"node {NODE_VERSION} could not be fetched from the Python package index",
         detail=reason,
-        hint=UNTRUSTED if is_untrusted(reason) else NODE_OFFLINE,
+        hint=UNTRUSTED_CERTIFICATE if is_untrusted_certificate(reason) else NODE_OFFLINE,
     )
 
 
@@ -344,7 +343,7 @@ def _last_lines(done: ShortRun) -> str:
 
 
 def _failed(pin: Pin, reason: str, detail: str | None) -> Diagnostic:
-    hint = UNTRUSTED if detail and is_untrusted(detail) else "put the reason right"
+    hint = UNTRUSTED_CERTIFICATE if detail and is_untrusted_certificate(detail) else "put the reason right"
     return error(
         "HARNESS-INSTALL-FAILED",
         f"{pin.binary} {pin.version} could not be installed: {reason}",

@@ -20,8 +20,7 @@ from octoform.contracts.artifact_parser import parse
 from octoform.contracts.canonical import output_digest
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
-from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, error, has_errors, is_untrusted_certificate
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import Profile, commands, definition, devices_of, profile_parser
@@ -125,7 +124,7 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
             "usd": limits.usd,
             "model": task.model,
         }
-        hint = UNTRUSTED if is_untrusted(outcome.detail or "") else hint
+        hint = UNTRUSTED_CERTIFICATE if is_untrusted_certificate(outcome.detail or "") else hint
         return [error(code, text.format(stage=task.stage, **values), detail=outcome.detail or None, hint=hint)]
     installed = outcome.reason is not ExitReason.NOT_INSTALLED
     text = f"the agent of {task.stage} " + (f"ended with {_status(outcome)}" if installed else "could not be started")

@@ -29,8 +29,7 @@ from octoform.contracts.rules.serve.tool_rules import tools_importing
 from octoform.contracts.schema_equivalence import serve_dynamic
 from octoform.contracts.server_code.script_header import declared_requirements, normalised
 from octoform.contracts.server_code.server_source import imported_modules, needed_source
-from octoform.diagnostics import Diagnostic, has_errors, warning
-from octoform.diagnostics.certificates import UNTRUSTED
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, has_errors, warning
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.check import CheckReport, check, judge_check
@@ -172,7 +171,7 @@ def _declared(context: Context, source: str) -> tuple[Environment | None, list[D
     wanted = declared_requirements(source)
     environment, found = _made(context, wanted)
     spare = [item for item in wanted if not _is_at_top(item, source)]
-    if environment is not None or not spare or any(item.hint in (OFFLINE, UNTRUSTED) for item in found):
+    if environment is not None or not spare or any(item.hint in (OFFLINE, UNTRUSTED_CERTIFICATE) for item in found):
         return environment, found
     kept = [item for item in wanted if item not in spare]
     environment, _ = _made(context, kept)

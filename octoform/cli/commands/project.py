@@ -48,8 +48,7 @@ def run_schema(_: Namespace, __: Path, screen: Console) -> int:
 
 def run_explain(arguments: Namespace, _: Path, screen: Console) -> int:
     """The page of a code, or the list of all codes."""
-    from octoform.diagnostics.explain import codes, unknown_code
-    from octoform.diagnostics.explain import explain as page_of
+    from octoform.diagnostics import codes, page_of, unknown_code
 
     if arguments.code is None:
         return output.codes(screen, codes(), as_json=arguments.json)

@@ -15,8 +15,7 @@ from pathlib import Path
 from uv import find_uv_bin
 
 from octoform.base.files import read, replace
-from octoform.diagnostics import Diagnostic, error
-from octoform.diagnostics.certificates import UNTRUSTED, is_untrusted
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, error, is_untrusted_certificate
 from octoform.endpoint.bounded_program import Finished, base_environment, run
 
 # The package tool (uv): found, given a small environment, run for a bounded time, its reason made short.
@@ -73,8 +72,8 @@ def tool_environment() -> dict[str, str]:
 
 def network_hint(finished: Finished) -> str | None:
     """What to do when uv reports that it could not reach an index; None when it reports something else."""
-    if is_untrusted(finished.stderr):
-        return UNTRUSTED
+    if is_untrusted_certificate(finished.stderr):
+        return UNTRUSTED_CERTIFICATE
     return OFFLINE if finished.timed_out or _NETWORK.search(finished.stderr) is not None else None
 
 

@@ -9,7 +9,7 @@ import pytest
 from cases import for_each
 
 from octoform.contracts.contract_check import RULES
-from octoform.diagnostics.explain import codes, explain
+from octoform.diagnostics import codes, page_of
 
 SOURCES = Path(__file__).parents[3] / "octoform"
 CODE = re.compile(r"[A-Z][A-Z0-9]*(?:-[A-Z][A-Z0-9]*)+")
@@ -75,7 +75,7 @@ def test_every_page_has_a_code(found: Found) -> None:
 
 @for_each("code", codes())
 def test_a_page_begins_with_its_code_and_says_what_to_do(code: str) -> None:
-    page = explain(code)
+    page = page_of(code)
     assert page is not None
     first, _, rest = page.partition("\n")
     title = re.fullmatch(rf"# {code}: (\S.*)", first)
@@ -86,6 +86,6 @@ def test_a_page_begins_with_its_code_and_says_what_to_do(code: str) -> None:
 
 
 def test_explain_knows_a_code_however_it_is_typed() -> None:
-    assert explain(" probe-duplicate-id ") == explain("PROBE-DUPLICATE-ID")
+    assert page_of(" probe-duplicate-id ") == page_of("PROBE-DUPLICATE-ID")
     for strange in ("", "NO-SUCH-CODE", "../model", "PROBE-DUPLICATE-ID.md", "PROBE", "É-X"):
-        assert explain(strange) is None
+        assert page_of(strange) is None

@@ -9,8 +9,7 @@ from threading import Thread
 import pytest
 from unit.endpoint.endpoint_servers import Wheelhouse
 
-from octoform.diagnostics import Diagnostic
-from octoform.diagnostics.certificates import UNTRUSTED
+from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic
 from octoform.endpoint.bounded_program import Finished, ForkServer, run
 from octoform.endpoint.environment import lockfile
 from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
@@ -129,7 +128,7 @@ def test_without_a_network_and_a_cache_the_reason_is_the_network(
 
 def test_a_certificate_that_is_not_trusted_is_no_missing_network() -> None:
     words = "error: Failed to fetch\n  cause: error sending request\n  cause: invalid peer certificate: UnknownIssuer"
-    assert network_hint(Finished(2, "", words, 1.0)) == UNTRUSTED
+    assert network_hint(Finished(2, "", words, 1.0)) == UNTRUSTED_CERTIFICATE
     assert network_hint(Finished(2, "", words.partition("  cause: invalid")[0], 1.0)) == OFFLINE
     assert network_hint(Finished(2, "", "no solution", 1.0)) is None
 

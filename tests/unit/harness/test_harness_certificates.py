@@ -7,8 +7,7 @@ from pathlib import Path
 import pytest
 from model_server import ModelServer, serve
 
-from octoform.diagnostics import Diagnostic
-from octoform.diagnostics.certificates import is_untrusted
+from octoform.diagnostics import Diagnostic, is_untrusted_certificate
 from octoform.harness.containment.agent_environment import certificates, minimal
 from octoform.harness.llm.completion import Condensed, LiteLLMCompletion
 from octoform.manifest.model import Housekeeping
@@ -54,4 +53,4 @@ def test_a_model_behind_an_own_certificate_is_asked_and_else_the_certificate_is_
     reply = answer(model, SSL_CERT_FILE=str(CERTIFICATE))
     assert isinstance(reply, Condensed) and reply.text == "an answer"
     refused = answer(model)
-    assert isinstance(refused, Diagnostic) and is_untrusted(f"{refused.summary} {refused.detail}"), refused
+    assert isinstance(refused, Diagnostic) and is_untrusted_certificate(f"{refused.summary} {refused.detail}"), refused
