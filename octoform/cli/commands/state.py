@@ -82,10 +82,8 @@ def run_coverage(arguments: Namespace, project: Path, screen: Console) -> int:
         problems.show(screen, found)
     if arguments.html is None:
         return coverage_view.show(screen, report, everything=arguments.all, as_json=arguments.json)
-    from octoform.views.coverage_page import page  # the template engine is for who wants a page
-
     path = Path(arguments.html)
-    problem = engine.save(path.absolute(), page(report))
+    problem = engine.save(path.absolute(), coverage_view.page(report))
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
     return coverage_view.written(screen, path, as_json=arguments.json)

@@ -16,7 +16,7 @@ from octoform.base.escaping import is_hidden
 from octoform.engine.coverage import CoverageReport
 from octoform.engine.coverage_runs import run_of
 from octoform.views import coverage as coverage_view
-from octoform.views.coverage_page import page
+from octoform.views.coverage import page
 from octoform.views.format.console import Console
 
 SECRETS = ("heron", "KO-200417", "BATT-00417", "RNV-0001733", "MC-INVENTED-77", "02:00:5e", "192.0.2.1", "/dev/")
