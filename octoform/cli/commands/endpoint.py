@@ -11,7 +11,7 @@ from argparse import Namespace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoform.cli.interrupts import Stopped
+from octoform.cli.dispatch import Stopped
 from octoform.cli.parser import UsageError
 from octoform.views.format import problems
 from octoform.views.format.console import Console

@@ -14,7 +14,7 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from octoform.cli.interrupts import Stopped
+from octoform.cli.dispatch import Stopped
 from octoform.cli.parser import UsageError, seconds
 from octoform.diagnostics import error
 from octoform.views.format import problems

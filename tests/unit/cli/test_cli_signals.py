@@ -8,8 +8,8 @@ import threading
 
 import pytest
 
-from octoform.cli import interrupts
-from octoform.cli.interrupts import Stopped, orderly
+from octoform.cli import dispatch
+from octoform.cli.dispatch import Stopped, orderly
 
 
 def raised(number: int) -> None:
@@ -17,7 +17,7 @@ def raised(number: int) -> None:
     signal.raise_signal(number)
 
 
-@pytest.mark.parametrize("number", interrupts.STOPS)
+@pytest.mark.parametrize("number", dispatch.STOPS)
 def test_a_signal_becomes_an_exception_with_its_number(number: int) -> None:
     with pytest.raises(Stopped) as stopped, orderly():
         raised(number)
@@ -31,7 +31,7 @@ def test_nothing_stays_installed_and_nothing_is_at_import() -> None:
     assert subprocess.run(command, capture_output=True, text=True, check=True).stdout == "[True, True]\n"
     with orderly():
         assert signal.getsignal(signal.SIGTERM) is not signal.SIG_DFL
-    assert [signal.getsignal(number) for number in interrupts.STOPS] == [signal.SIG_DFL] * 2
+    assert [signal.getsignal(number) for number in dispatch.STOPS] == [signal.SIG_DFL] * 2
 
 
 def test_a_second_signal_does_not_disturb_the_stop_that_is_under_way() -> None:
@@ -52,14 +52,14 @@ def test_a_stop_that_came_to_nothing_can_be_asked_for_again(monkeypatch: pytest.
         with pytest.raises(Stopped):
             raised(signal.SIGTERM)
         raised(signal.SIGTERM)
-        monkeypatch.setattr(interrupts, "UNWINDING_SECONDS", 0.0)
+        monkeypatch.setattr(dispatch, "UNWINDING_SECONDS", 0.0)
         with pytest.raises(Stopped):
             raised(signal.SIGTERM)
 
 
 def test_what_is_ignored_or_handled_already_stays_so() -> None:
     heard: list[int] = []
-    former = {number: signal.getsignal(number) for number in interrupts.STOPS}
+    former = {number: signal.getsignal(number) for number in dispatch.STOPS}
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, lambda number, _: heard.append(number))
     try:
