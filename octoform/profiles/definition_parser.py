@@ -10,8 +10,7 @@ from typing import Any
 
 from octoform.frontmatter import Place
 from octoform.profiles import lines, register_parser
-from octoform.profiles.definition_problems import Found, Problem, near
-from octoform.profiles.definition_values import Tool, Value
+from octoform.profiles.definition_forms import Found, Problem, Tool, Value, near
 from octoform.profiles.model import Grammar, plain
 
 PLACE: Place = ("grammar",)

@@ -10,8 +10,17 @@ from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
-from octoform.profiles.definition_problems import MAX_BAUD, PRINTABLE, Found, is_number, is_value_name
-from octoform.profiles.definition_values import Tool, Value, plain_values, present
+from octoform.profiles.definition_forms import (
+    MAX_BAUD,
+    PRINTABLE,
+    Found,
+    Tool,
+    Value,
+    is_number,
+    is_value_name,
+    plain_values,
+    present,
+)
 from octoform.records import dataclass
 
 

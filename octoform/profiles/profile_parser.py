@@ -15,7 +15,7 @@ from octoform.base import digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document, Place
 from octoform.profiles import definition_parser, limits, match_rule
-from octoform.profiles.definition_problems import Found, near
+from octoform.profiles.definition_forms import Found, near
 from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Grammar, Profile, Rig, Stop
 from octoform.profiles.register_parser import MAX_ID

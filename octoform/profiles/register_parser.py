@@ -9,7 +9,7 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
-from octoform.profiles.definition_problems import MAX_BAUD, PRINTABLE, Found, is_value_name
+from octoform.profiles.definition_forms import MAX_BAUD, PRINTABLE, Found, is_value_name
 from octoform.profiles.registers import (
     CALIBRATED,
     DOES,

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from dataclasses import field
 from typing import Any
 
-from octoform.profiles.definition_values import Tool, Value, plain_values, present
+from octoform.profiles.definition_forms import Tool, Value, plain_values, present
 from octoform.records import dataclass
 
 READS = ("read_units", "read_unit")

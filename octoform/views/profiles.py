@@ -6,7 +6,7 @@ from typing import Any
 
 from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
 from octoform.profiles import selection
-from octoform.profiles.definition_values import Value
+from octoform.profiles.definition_forms import Value
 from octoform.profiles.limits import describe
 from octoform.profiles.lines import Command, LineDefinition
 from octoform.profiles.match_rule import Judged

@@ -14,7 +14,7 @@ from octoform.builtin.task import TaskRefused
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, ProfileFacts
 from octoform.profiles import Profile, commands, for_task, load, load_text
-from octoform.profiles.definition_values import Value
+from octoform.profiles.definition_forms import Value
 from octoform.profiles.lines import Command, LineDefinition
 from octoform.profiles.model import Grammar
 from octoform.profiles.registers import RegisterDefinition

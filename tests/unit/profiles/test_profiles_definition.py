@@ -7,7 +7,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.profiles import Profile, briefing, contributions, devices_of, for_task, load, load_text, match_rule
-from octoform.profiles.definition_values import Value
+from octoform.profiles.definition_forms import Value
 from octoform.profiles.lines import Command, Line, LineDefinition
 from octoform.profiles.model import plain
 

@@ -1,15 +1,16 @@
-"""The problems of a protocol definition while it is read, and the forms that both kinds of it have in common. Pure."""
+"""What every kind of protocol definition has in common: values, tools, and the problems met while it is read. Pure."""
 
 import keyword
 import math
 import re
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
 from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
+from octoform.records import dataclass
 
 MAX_CHARS = 200
 MAX_UNIT = 40
@@ -38,6 +39,59 @@ _RAW_NOUNS = frozenset(
 _RAW = frozenset({"raw", "passthrough", "exec", "eval", "shell", "gcode", "scpi"})
 
 Problem = tuple[Place, str, str | None]
+
+
+@dataclass(frozen=True, slots=True)
+class Value:
+    """A parameter of a command or a field of its answer: integer, number, boolean, or (with ``choices``) a word.
+
+    A parameter with a ``default`` may be omitted from a call. ``words`` are what a line reports for false and for true.
+    """
+
+    name: str
+    type: str
+    about: str = ""
+    unit: str = ""
+    minimum: float | None = None
+    maximum: float | None = None
+    choices: tuple[str, ...] = ()
+    default: float | None = None
+    words: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Tool:
+    """The tool of a command of any kind of definition: its name, its effect and its parameters.
+
+    ``do`` is the action of the device where no line of a protocol definition has it. ``stop`` ends a movement.
+    """
+
+    tool: str
+    about: str
+    effect: str
+    parameters: tuple[Value, ...] = ()
+    do: str = ""
+
+    @property
+    def stops(self) -> bool:
+        return self.do == "stop"
+
+
+def plain_value(value: Value) -> dict[str, Any]:
+    """A value as JSON; members without a value are omitted."""
+    bounds = {"minimum": value.minimum, "maximum": value.maximum, "enum": list(value.choices) or None}
+    fields = {"about": value.about or None, "unit": value.unit or None, "words": list(value.words) or None}
+    return present({"type": value.type, **fields, **bounds, "default": value.default})
+
+
+def plain_values(values: tuple[Value, ...]) -> dict[str, Any]:
+    """Values as JSON, by their names."""
+    return {item.name: plain_value(item) for item in values}
+
+
+def present(members: Mapping[str, Any]) -> dict[str, Any]:
+    """The members that have a value."""
+    return {name: value for name, value in members.items() if value is not None}
 
 
 @dataclass
