@@ -1,8 +1,20 @@
-"""The entry point. A pipe of a client is taken up before anything else is loaded: each conversation starts one."""
+"""The entry point. A pipe of a client is taken up before anything else is loaded: each conversation starts one.
+
+A small board takes a tenth of a second for every library that is omitted. All that is not that simple is left to the
+command itself.
+"""
 
 import os
 import sys
 from collections.abc import Sequence
+
+TYPE_CHECKING = False  # as type checkers know it: typing brings the library of expressions with it
+if TYPE_CHECKING:
+    from octoform.endpoint.stdio import Again
+
+CHDIR = ("-chdir=", "--chdir=")
+PLACE = "/.octoform/{host}/run/endpoint.sock"
+_LETTERS = frozenset("abcdefghijklmnopqrstuvwxyz0123456789-")
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -11,8 +23,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     if None in (sys.stdin, sys.stdout, sys.stderr):
         _reopen()
     if words[-2:-1] == ["connect"]:
-        from octoform.cli.connect_fast_path import connected
-
         status = connected(words)
         if status is not None:
             return status
@@ -30,3 +40,44 @@ def _reopen() -> None:
     sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
     sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def connected(words: Sequence[str]) -> int | None:
+    """The exit status of ``octoform -chdir=FOLDER connect HOST`` to an endpoint that runs, once the client is done.
+
+    None when it takes the long way.
+    """
+    from octoform.endpoint import sockets  # a pipe needs no more than these two
+    from octoform.endpoint.stdio import pipe
+
+    folder = _folder(words[:-2])
+    if folder is None or not words[-1] or not _LETTERS.issuperset(words[-1]):
+        return None
+    try:
+        connection = sockets.greeted(folder + PLACE.format(host=words[-1]), 5.0)
+    except OSError:
+        return None
+    with connection:
+        return 0 if pipe(connection, again=lambda: _again(folder, words[-1])) else _stopped(words[-1])
+
+
+def _again(folder: str, host: str) -> "Again":
+    from pathlib import Path  # all of this only where an endpoint has ended
+
+    from octoform.endpoint.dial import Returning
+    from octoform.state.layout import Layout
+
+    return Returning(Layout(Path(folder).absolute(), host))
+
+
+def _folder(words: Sequence[str]) -> str | None:
+    if not words:
+        return "."
+    folders = [words[0][len(name) :] for name in CHDIR if words[0].startswith(name)]
+    return folders[0] if folders and len(words) == 1 else None
+
+
+def _stopped(host: str) -> int:
+    # Standard output belongs to the protocol.
+    print(f"octoform: the endpoint of {host} was stopped", file=sys.stderr)
+    return 1

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.cli import connect_fast_path
+from octoform.cli import main
 from octoform.state.layout import Layout
 
 LEAN = ("argparse", "asyncio", "dataclasses", "fastmcp", "inspect", "json", "pathlib", "pydantic", "re", "subprocess")
@@ -14,7 +14,7 @@ LEAN = ("argparse", "asyncio", "dataclasses", "fastmcp", "inspect", "json", "pat
 
 def test_the_socket_is_the_hosts_own() -> None:
     layout = Layout(Path("/srv/bench"), "left-arm")
-    assert f"/srv/bench{connect_fast_path.PLACE.format(host='left-arm')}" == str(layout.socket)
+    assert f"/srv/bench{main.PLACE.format(host='left-arm')}" == str(layout.socket)
 
 
 @pytest.mark.parametrize(
@@ -28,11 +28,11 @@ def test_the_socket_is_the_hosts_own() -> None:
     ],
 )
 def test_what_is_not_that_simple_takes_the_long_way(words: list[str]) -> None:
-    assert connect_fast_path.connected(words) is None
+    assert main.connected(words) is None
 
 
 def test_the_short_way_loads_next_to_nothing() -> None:
-    modules = "sys, octoform.cli.main, octoform.cli.connect_fast_path"
+    modules = "sys, octoform.cli.main, octoform.endpoint.sockets, octoform.endpoint.stdio"
     code = f"import {modules}; print(sorted(set(sys.modules) & set({LEAN!r})))"
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
