@@ -6,10 +6,12 @@ command. (Heavy only on a terminal: the moving line is drawn by rich.)
 """
 
 import sys
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, fields, replace
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self, TextIO
 
 from octoform import events
 from octoform.base.escaping import escaped
@@ -27,7 +29,8 @@ from octoform.views.format.values import one_line, spent
 from octoform.views.plan import PlanHuman, PlanJson
 
 if TYPE_CHECKING:
-    from octoform.views.spinner import MovingLine
+    from rich.spinner import Spinner
+    from rich.text import Text
 
 
 PULSE_SECONDS = 9.0
@@ -55,13 +58,62 @@ class _Running:
     last_pulse: float = 0.0
 
 
+class _MovingLine:
+    """The moving line of a run on a terminal: spinner, node, what it does, elapsed time.
+
+    Finished lines scroll above it. rich is paid for only where a person looks.
+    """
+
+    def __init__(self, out: TextIO) -> None:
+        from rich.console import Console as RichConsole
+        from rich.live import Live
+        from rich.spinner import Spinner
+        from rich.text import Text
+
+        self._text = Text
+        self._console = RichConsole(file=out, highlight=False, soft_wrap=True)
+        self._node = ""
+        self._what = ""
+        self._since = time.monotonic()
+        self._spinner = Spinner("dots")
+        self._live = Live(get_renderable=self._draw, console=self._console, refresh_per_second=8, transient=True)
+
+    def __enter__(self) -> Self:
+        self._live.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._node = ""
+        self._live.stop()
+
+    def update(self, node: str, what: str) -> None:
+        """Another node, or the same at something else; the clock restarts with the node."""
+        if node != self._node:
+            self._since = time.monotonic()
+        self._node, self._what = node, what
+
+    def above(self, text: str) -> None:
+        """A finished line (it may hold colour codes)."""
+        self._console.print(self._text.from_ansi(text))
+
+    def _draw(self) -> "Text | Spinner":
+        if not self._node:
+            return self._text("")
+        elapsed = time.monotonic() - self._since
+        room = max(20, self._console.width - 30)
+        self._spinner.update(text=f"{self._node:<10} {elapsed:5.1f} s  {one_line(self._what, room)}")
+        return self._spinner
+
+
 class RunHuman:
     """The human view of a run."""
 
     def __init__(self, console: Console) -> None:
         self._console = console
         self._running = _Running()
-        self._moving: MovingLine | None = None
+        self._moving: _MovingLine | None = None
 
     def plan(self, plan: Plan) -> None:
         """Show what is going to be done."""
@@ -86,9 +138,7 @@ class RunHuman:
         if not (self._console.out.isatty() and self._console.colour):
             yield self.event
             return
-        from octoform.views.spinner import MovingLine  # rich is paid for only where a person looks
-
-        with MovingLine(self._console.out) as moving:
+        with _MovingLine(self._console.out) as moving:
             self._moving = moving
             try:
                 yield self.event
