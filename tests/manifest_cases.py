@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, Span
-from octoform.views.format.diagnostics import render, summary
+from octoform.views.format.problems import render, summary
 
 FOLDER = Path(__file__).parent / "cases" / "manifest"
 MANIFEST = "octopus.yaml"

@@ -22,9 +22,8 @@ from octoform.state.layout import STAGES, STEP
 from octoform.views import plan as knowledge
 from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console, broken
-from octoform.views.format.diagnostics import render
 from octoform.views.format.output import JsonStream
-from octoform.views.format.problems import near
+from octoform.views.format.problems import near, render
 from octoform.views.format.values import one_line, spent
 from octoform.views.plan import PlanHuman, PlanJson
 

@@ -9,9 +9,8 @@ from octoform.engine.inspect.attempts import ACCEPTED, INTERRUPTED, REUSE, RUNNI
 from octoform.engine.recording import Recorded
 from octoform.harness.port import Closed
 from octoform.views.format.console import Console
-from octoform.views.format.diagnostics import render
 from octoform.views.format.output import document
-from octoform.views.format.problems import near
+from octoform.views.format.problems import near, render
 from octoform.views.format.table import Column, lines
 from octoform.views.format.values import escape, money, one_line, tokens, used
 

@@ -11,7 +11,7 @@ from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.format.diagnostics import summary
+from octoform.views.format.problems import summary
 
 
 def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:

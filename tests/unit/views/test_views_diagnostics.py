@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.diagnostics import Diagnostic, Severity, Span, error, warning
-from octoform.views.format.diagnostics import render, summary
+from octoform.views.format.problems import render, summary
 
 
 def test_whole_form_without_colour() -> None:
