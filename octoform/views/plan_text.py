@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from octoform.base import digest
-from octoform.graph.endpoint_parts import SCOPE, in_force
+from octoform.graph.compile import SCOPE, in_force
 from octoform.graph.model import ANSWER, STEP
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, Reuse, StepOutlook
 from octoform.records import dataclass

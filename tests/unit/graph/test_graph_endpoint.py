@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.graph.compile import compile_graph
-from octoform.graph.endpoint_parts import in_force
+from octoform.graph.compile import compile_graph, in_force
 from octoform.graph.model import Graph
 from octoform.manifest.loader import parse
 from octoform.profiles import Profile, load
