@@ -42,7 +42,7 @@ from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
 from octoform.records import dataclass
 from octoform.state import attempts
-from octoform.state.git_head import head_revision, on_branch, repository
+from octoform.state.git_access import head_revision, on_branch, repository
 from octoform.state.git_repository import configuration_files
 from octoform.state.layout import Layout
 from octoform.state.store.lock import is_locked

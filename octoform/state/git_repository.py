@@ -16,8 +16,7 @@ from subprocess import CompletedProcess
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
 from octoform.state.files import display
-from octoform.state.git_head import Repository, repository
-from octoform.state.git_invocation import RepositoryRefused, call
+from octoform.state.git_access import Repository, RepositoryRefused, call, repository
 
 _TAIL = 3000
 _MAX_NAMES = 200  # in one command line, which the system bounds

@@ -12,7 +12,7 @@ from itertools import islice
 from pathlib import Path
 
 from octoform.records import dataclass
-from octoform.state.git_head import repository
+from octoform.state.git_access import repository
 from octoform.state.git_repository import kept
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState, Status

@@ -79,4 +79,4 @@ def test_git_is_called_in_one_way_which_runs_no_program_of_the_repository() -> N
     found = [path.relative_to(ROOT / "octoform").as_posix() for path in FILES if calls_git(path)]
     # A table of settings, a query and a list of programs name git as a word; none starts it.
     named = {"apply/protected_paths.py", "manifest/schema_errors.py", "state/model.py"}
-    assert set(found) - named == {"state/git_invocation.py"}
+    assert set(found) - named == {"state/git_access.py"}

@@ -21,7 +21,7 @@ from octoform.endpoint.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
 from octoform.records import dataclass
-from octoform.state.git_head import head_revision, repository
+from octoform.state.git_access import head_revision, repository
 from octoform.state.layout import Layout
 
 FORMAT = 2
@@ -170,7 +170,7 @@ def _below(path: str, name: str) -> Iterator[str]:
 
 def _dirty(project: Path, memo: Mapping[str, Any]) -> tuple[str, ...] | None:
     """Which of the project's own sources git calls changed; None when git cannot say, and the long way shows why."""
-    from octoform.state.git_invocation import RepositoryRefused, call  # only after a commit since the last apply
+    from octoform.state.git_access import RepositoryRefused, call  # only after a commit since the last apply
 
     inside = [name for name in memo["sources"] if (project / name).is_relative_to(project)]
     options = ["--porcelain=v1", "-z", "--no-renames", "--ignore-submodules=all"]

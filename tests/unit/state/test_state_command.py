@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from octoform.engine.plan import memo
-from octoform.state import git_invocation
-from octoform.state.git_invocation import RepositoryRefused, call
+from octoform.state import git_access
+from octoform.state.git_access import RepositoryRefused, call
 from octoform.state.git_repository import commit, kept, repository_facts, versions
 
 HOOKS = ["pre-commit", "prepare-commit-msg", "commit-msg", "post-commit", "post-index-change", "reference-transaction"]
@@ -203,7 +203,7 @@ def test_without_the_program_it_is_told_and_bytes_come_back_as_they_are(
 
 
 def test_a_call_that_does_not_end_is_ended(planted: Planted, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(git_invocation, "SECONDS", 0.3)
+    monkeypatch.setattr(git_access, "SECONDS", 0.3)
     slow = planted.root.parent / "bin" / "git"
     slow.parent.mkdir()
     slow.write_text("#!/bin/sh\nexec sleep 600\n")

@@ -18,7 +18,7 @@ ROOT = Path(__file__).parents[3]
 HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
 LIGHT = (
     *("layout", "files", "store.quick_read", "store.journal", "store.lock"),
-    *("accepted", "artifact_cache", "git_head"),
+    *("accepted", "artifact_cache", "git_access"),
 )
 
 

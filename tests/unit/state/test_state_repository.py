@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.git_head import head_revision
+from octoform.state.git_access import head_revision
 from octoform.state.git_repository import commit, repository_facts
 
 TRAILERS = {"Octoform-Host": "bench", "Octoform-Serial": "3"}

@@ -1,20 +1,29 @@
-"""The one way in which octoform calls git: no program that the repository names is ever run.
+"""How octoform reads a repository: from git's own files where these are enough, else by git. Light until git is called.
 
-A repository's configuration may name programs for almost anything (hooks, a file monitor, filters, signing, a pager),
-and anyone who can write below `.git` chooses them: an agent, or anyone who gave the folder away. So each is switched
-off, or set to what the person's own configuration states. Nothing is fetched either. GitPython runs it, and is imported
-only when git is called: neither a command outside a repository nor a plan without a commit since the last apply pays
-for it.
+A plan names the revision that it reads; starting git or importing a library for that would cost more than the rest of a
+plan with nothing to do. What these files do not have (an unborn branch, a ref store of another kind) is None.
+
+Where git is called, no program that the repository names is ever run. A repository's configuration may name programs
+for almost anything (hooks, a file monitor, filters, signing, a pager), and anyone who can write below `.git` chooses
+them: an agent, or anyone who gave the folder away. So each is switched off, or set to what the person's own
+configuration states. Nothing is fetched either. GitPython runs it, and is imported only when git is called: neither a
+command outside a repository nor a plan without a commit since the last apply pays for it.
 """
 
 import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from subprocess import CompletedProcess
+from typing import TYPE_CHECKING
 
-from octoform.state.git_head import repository
+from octoform.base.files import head, read
+from octoform.records import dataclass
 
+if TYPE_CHECKING:
+    from subprocess import CompletedProcess
+
+_REVISION = re.compile(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
+_DEPTH = 5
 SECONDS = 300
 _OFF = (
     *("core.fsmonitor=false", f"core.hooksPath={os.devnull}", "core.pager=cat", "core.editor=:", "core.askPass="),
@@ -31,10 +40,9 @@ _FIXED = {
 }
 _INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
 """The variables with which a calling git, as in a hook, names its own repository."""
-_PROGRAM = re.compile(
-    r"(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
-    r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)",
-    re.DOTALL,
+_PROGRAM = (
+    r"(?s)(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
+    r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)"
 )
 """Keys with a name in their middle, or whose value is the person's where it is not the repository's (git-config)."""
 _PLAIN = {
@@ -43,6 +51,77 @@ _PLAIN = {
     "gpg.x509.program": "gpgsm",
     "gpg.ssh.program": "ssh-keygen",
 }
+
+
+def head_revision(project: Path) -> str | None:
+    """The commit that HEAD names in the repository that holds ``project``; None outside one or before the first."""
+    found = repository(project)
+    if found is None:
+        return None
+    folder = found.folder
+    text = _line(folder / "HEAD")
+    for _ in range(_DEPTH):
+        if text is None or _REVISION.match(text):
+            return text
+        if not text.startswith("ref: ") or ".." in text:
+            return None
+        text = _reference(folder, text.removeprefix("ref: ").strip())
+    return None
+
+
+def on_branch(folder: Path) -> bool:
+    """Whether a repository's own folder names a branch as HEAD: a commit then moves that, and leaves the name."""
+    return (_line(folder / "HEAD") or "").startswith("ref: ")
+
+
+@dataclass(frozen=True, slots=True)
+class Repository:
+    """``root`` is the top of the working tree, ``folder`` where git keeps its files for it."""
+
+    root: Path
+    folder: Path
+
+
+def repository(project: Path) -> Repository | None:
+    """The nearest repository with a working tree at or above ``project``; a ``.git`` file is followed."""
+    start = project.resolve()
+    for place in (start, *start.parents):
+        entry = place / ".git"
+        if not os.path.lexists(entry):
+            continue
+        if (entry / "HEAD").is_file():
+            return Repository(place, entry)
+        target = _line(entry)
+        if target is not None and target.startswith("gitdir: "):
+            folder = place / target.removeprefix("gitdir: ")
+            return Repository(place, folder) if (folder / "HEAD").is_file() else None
+    return None
+
+
+def _reference(folder: Path, name: str) -> str | None:
+    """A ref's text: of this worktree, else of the repository that it shares, loose before packed."""
+    shared = _line(folder / "commondir")
+    common = folder / shared if shared is not None else folder
+    return _line(folder / name) or _line(common / name) or _packed(common, name)
+
+
+def _packed(common: Path, name: str) -> str | None:
+    try:
+        for line in read(common / "packed-refs").decode("utf-8", "replace").splitlines():
+            revision, _, ref = line.partition(" ")
+            if ref == name and _REVISION.match(revision):
+                return revision
+    except OSError:
+        return None  # no packed refs
+    return None
+
+
+def _line(path: Path) -> str | None:
+    """The first line of a small file, or None when it is not there."""
+    try:
+        return head(path, 4096, follow=True).decode("utf-8", "replace").partition("\n")[0].strip() or None
+    except OSError:
+        return None
 
 
 class RepositoryRefused(Exception):
@@ -58,7 +137,7 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
     words = ["git", "-C", str(Path(root).absolute()), "--no-pager", "--no-optional-locks"]
     for setting in _OFF:
         words += ["-c", setting]
-    named = [key for key in _listed(words, root, environment) if _PROGRAM.fullmatch(key)]
+    named = [key for key in _listed(words, root, environment) if re.fullmatch(_PROGRAM, key)]
     if not named:
         return words
     own = {**_listed(words, root, environment, "--system"), **_listed(words, root, environment, "--global")}
@@ -87,6 +166,8 @@ def _listed(words: list[str], root: str, environment: Mapping[str, str], *scope:
 
 def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
     """In our variables, those that keep git from asking, fetching and editing, and those of the call."""
+    from subprocess import CompletedProcess
+
     try:
         from git import Git, GitCommandNotFound  # looks for the program when it is imported, which takes its time
     except ModuleNotFoundError:
