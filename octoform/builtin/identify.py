@@ -26,7 +26,7 @@ from octoform.builtin.classes import (
     words,
 )
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATOR,
     BIDIRECTIONAL,
     INFRASTRUCTURE,

@@ -12,9 +12,9 @@ from typing import Any
 from octoform.builtin import protocol_tools
 from octoform.builtin.classes import inputs, media, network, office, outputs, position, power, sensors, storage
 from octoform.builtin.classes.macos import NO_TOOLS
+from octoform.builtin.description.class_model import Kind, Schema, one_of
 from octoform.builtin.serve.stage import MAX_LINES, line_count
 from octoform.builtin.task import Profiles, Task, TaskRefused
-from octoform.builtin.tool_model import Kind, Schema, one_of
 
 # The description of a tool's ``device`` parameter: which id is which product, as far as that is short and safe.
 #

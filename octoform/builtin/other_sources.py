@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.builtin.classes import network, words
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATOR,
     BIDIRECTIONAL,
     INFRASTRUCTURE,

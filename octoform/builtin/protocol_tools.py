@@ -8,8 +8,19 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from octoform.builtin.description.class_model import (
+    FLAG,
+    NUMBER,
+    TEXT,
+    WHOLE,
+    Kind,
+    Schema,
+    listing,
+    maybe,
+    one_of,
+    record,
+)
 from octoform.builtin.task import Profiles, TaskRefused, commands, parameters
-from octoform.builtin.tool_model import FLAG, NUMBER, TEXT, WHOLE, Kind, Schema, listing, maybe, one_of, record
 
 # The answers of a protocol definition's tools, as schemas and in the sentences of their descriptions.
 #

@@ -4,7 +4,7 @@ import re
 
 from octoform.builtin.classes import words
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
+from octoform.builtin.description.class_model import BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
 
 USB_HUB = "09"

@@ -7,17 +7,27 @@ or HID device without a kernel input device is identified by its interface class
 from collections.abc import Mapping
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATE,
     ACTUATOR,
     INFRASTRUCTURE,
+    NUMBER,
     SENSOR,
+    TEXT,
+    WHOLE,
     Capability,
     Claim,
     Evidence,
+    Facts,
+    Kind,
+    Schema,
+    listing,
+    maybe,
+    number,
+    record,
+    whole,
 )
 from octoform.builtin.description.device_evidence import Device, Fact
-from octoform.builtin.tool_model import NUMBER, TEXT, WHOLE, Facts, Kind, Schema, listing, maybe, number, record, whole
 
 # HID devices by their usages: the purpose that the report descriptor declares.
 #

@@ -7,7 +7,7 @@ place has never been tried by it. Such a device is named, and INTERFACE leaves i
 from collections.abc import Mapping
 from typing import Any
 
-from octoform.builtin.description.claim_model import ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
+from octoform.builtin.description.class_model import ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device, Fact
 
 _PREFIX = "macos-"

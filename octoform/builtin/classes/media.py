@@ -9,23 +9,20 @@ import re
 from itertools import takewhile
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATE,
     ACTUATOR,
     BIDIRECTIONAL,
+    FLAG,
     INFRASTRUCTURE,
+    NUMBER,
     READ,
     SENSOR,
+    TEXT,
+    WHOLE,
     Capability,
     Claim,
     Evidence,
-)
-from octoform.builtin.description.device_evidence import Device
-from octoform.builtin.tool_model import (
-    FLAG,
-    NUMBER,
-    TEXT,
-    WHOLE,
     Facts,
     Kind,
     Schema,
@@ -35,6 +32,7 @@ from octoform.builtin.tool_model import (
     record,
     whole,
 )
+from octoform.builtin.description.device_evidence import Device
 
 USB_VIDEO = "0e"
 _MACHINE_VISION = "ef/05"

@@ -7,18 +7,24 @@ the kernel shows a device of its own as soon as one of them is connected and has
 import re
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     BIDIRECTIONAL,
+    FLAG,
     INFRASTRUCTURE,
+    TEXT,
     UNKNOWN,
+    WHOLE,
     Capability,
     Claim,
     Evidence,
+    Kind,
     Leave,
+    listing,
+    maybe,
+    record,
 )
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import names_its_chip
-from octoform.builtin.tool_model import FLAG, TEXT, WHOLE, Kind, listing, maybe, record
 
 USB_BLUETOOTH = "e0/01/01"
 _USB_ETHERNET = ("02/06", "02/0d", "02/0c", "e0/01/03", "ef/04/01")

@@ -5,17 +5,21 @@ as commands of its language is not shown by any interface of the system, and pap
 """
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATOR,
     BIDIRECTIONAL,
+    FLAG,
     INFRASTRUCTURE,
     SENSOR,
+    TEXT,
     Capability,
     Claim,
     Evidence,
+    Kind,
+    listing,
+    record,
 )
 from octoform.builtin.description.device_evidence import Device
-from octoform.builtin.tool_model import FLAG, TEXT, Kind, listing, record
 
 _USB_PRINTER = "07"
 _USB_STILL_IMAGE = "06"

@@ -6,13 +6,17 @@ The lock lights of a keyboard belong to anyone who uses the keyboard; they are n
 import re
 from dataclasses import replace
 
-from octoform.builtin.description.claim_model import ACTUATE, ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, Capability, Claim
-from octoform.builtin.description.device_evidence import Device, Fact
-from octoform.builtin.tool_model import (
+from octoform.builtin.description.class_model import (
+    ACTUATE,
+    ACTUATOR,
+    BIDIRECTIONAL,
     FLAG,
+    INFRASTRUCTURE,
     NUMBER,
     TEXT,
     WHOLE,
+    Capability,
+    Claim,
     Facts,
     Kind,
     Schema,
@@ -22,6 +26,7 @@ from octoform.builtin.tool_model import (
     one_of,
     record,
 )
+from octoform.builtin.description.device_evidence import Device, Fact
 
 _BACKLIGHT = "Linux backlight class (/sys/class/backlight)"
 # The lock lights of a keyboard: input3::capslock.

@@ -5,9 +5,21 @@ taken only behind the USB class for serial lines (CDC-ACM), where no speed has t
 """
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import SENSOR, Capability, Claim
+from octoform.builtin.description.class_model import (
+    NUMBER,
+    SENSOR,
+    TEXT,
+    WHOLE,
+    Capability,
+    Claim,
+    Facts,
+    Kind,
+    Schema,
+    maybe,
+    number,
+    record,
+)
 from octoform.builtin.description.device_evidence import Device
-from octoform.builtin.tool_model import NUMBER, TEXT, WHOLE, Facts, Kind, Schema, maybe, number, record
 
 _CDC_SERIAL = "02/02"
 _WORDS = frozenset(("gnss", "gps", "glonass"))

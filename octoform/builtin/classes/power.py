@@ -1,8 +1,18 @@
 """Power supplies of the kernel's class: batteries, chargers, mains, and what reports its battery over HID."""
 
-from octoform.builtin.description.claim_model import SENSOR, Capability, Claim
+from octoform.builtin.description.class_model import (
+    NUMBER,
+    SENSOR,
+    TEXT,
+    WHOLE,
+    Capability,
+    Claim,
+    Kind,
+    listing,
+    maybe,
+    record,
+)
 from octoform.builtin.description.device_evidence import Device, Fact
-from octoform.builtin.tool_model import NUMBER, TEXT, WHOLE, Kind, listing, maybe, record
 
 _VIA = "Linux power_supply class (/sys/class/power_supply)"
 

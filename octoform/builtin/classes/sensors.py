@@ -11,17 +11,23 @@ import re
 from collections.abc import Iterable
 from typing import Any
 
-from octoform.builtin.description.claim_model import (
+from octoform.builtin.description.class_model import (
     ACTUATE,
     ACTUATOR,
     BIDIRECTIONAL,
     INFRASTRUCTURE,
+    NUMBER,
     SENSOR,
+    TEXT,
+    WHOLE,
     Capability,
     Claim,
+    Kind,
+    listing,
+    maybe,
+    record,
 )
 from octoform.builtin.description.device_evidence import Device, Fact
-from octoform.builtin.tool_model import NUMBER, TEXT, WHOLE, Kind, listing, maybe, record
 
 _HWMON = {
     "temp": ("read_temperature", "degC", "Read the temperature of each channel."),

@@ -1,9 +1,21 @@
 """Disks, cards, optical drives and their controllers: an inventory to read, never a block to write."""
 
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import INFRASTRUCTURE, Capability, Claim, Evidence
+from octoform.builtin.description.class_model import (
+    FLAG,
+    INFRASTRUCTURE,
+    NUMBER,
+    TEXT,
+    WHOLE,
+    Capability,
+    Claim,
+    Evidence,
+    Kind,
+    listing,
+    maybe,
+    record,
+)
 from octoform.builtin.description.device_evidence import Device, Fact
-from octoform.builtin.tool_model import FLAG, NUMBER, TEXT, WHOLE, Kind, listing, maybe, record
 
 USB_STORAGE = "08"
 _CLASSES = ("block", "nvme", "mtd", "scsi_disk", "nvdimm", "scsi_tape")

@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterable, Iterator
 
 from octoform.builtin.description import glossary, product_names
-from octoform.builtin.description.claim_model import ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
+from octoform.builtin.description.class_model import ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
 
 # A model number often begins with the kind (a DSO2000 is a DSO), and strings run number and kind together.

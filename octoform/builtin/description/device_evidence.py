@@ -12,7 +12,7 @@ from typing import Any
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.description import product_names
-from octoform.builtin.description.claim_model import Evidence
+from octoform.builtin.description.class_model import Evidence
 from octoform.records import dataclass
 
 _MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")

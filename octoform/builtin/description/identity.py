@@ -10,7 +10,7 @@ import re
 from collections.abc import Sequence
 
 from octoform.builtin.description import glossary, product_names
-from octoform.builtin.description.claim_model import UNKNOWN, Claim, Evidence
+from octoform.builtin.description.class_model import UNKNOWN, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.product_names import GENERIC
 from octoform.records import dataclass

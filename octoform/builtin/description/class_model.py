@@ -1,4 +1,11 @@
-"""The catalog's facts of a tool before any host is known."""
+"""The values that the class modules give: claims with their evidence and capabilities, and the tool of a capability.
+
+A `Claim` is one class module's reading of one device ("this unit holds a camera, because ..."). Several modules may
+claim one unit, because a unit is a bus device and may carry several kernel classes (a drive with a temperature
+sensor). The first claim in the order of the modules states what the unit is; the capabilities of all of them count.
+
+A `Kind` is the tool of one capability as far as it is known before any host is.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field
@@ -6,6 +13,9 @@ from typing import Any
 
 from octoform.records import dataclass
 
+READ, ACTUATE = "read", "actuate"
+SENSOR, ACTUATOR, BIDIRECTIONAL = "sensor", "actuator", "bidirectional"
+INFRASTRUCTURE, UNKNOWN = "infrastructure", "unknown"
 # Writes JSON Schemas in few words, in exactly the form that the generated server's own types give.
 #
 # A record's ``title`` is the name of the class that the server makes of it; two records of one title must be equal.
@@ -17,6 +27,67 @@ TEXT: Schema = {"type": "string"}
 FLAG: Schema = {"type": "boolean"}
 WHOLE: Schema = {"type": "integer"}
 NUMBER: Schema = {"type": "number"}
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """A quote that stands verbatim in the device's PROBE entry, and what follows from it."""
+
+    quote: str
+    says: str = ""
+
+    def as_json(self) -> dict[str, str]:
+        """The schema's object; both texts within its bounds."""
+        value = {"quote": self.quote[:500]}
+        return {**value, "says": self.says[:300]} if self.says else value
+
+
+@dataclass(frozen=True, slots=True)
+class Capability:
+    """One thing that a caller could do, through one standard interface, with what INTERFACE must know about it."""
+
+    name: str
+    description: str
+    via: str
+    effect: str = READ
+    parameters: Mapping[str, Any] = field(default_factory=dict)
+
+    def as_json(self) -> dict[str, Any]:
+        """The schema's object; no `parameters` when there are none."""
+        value: dict[str, Any] = {
+            "name": self.name,
+            "description": self.description[:500],
+            "via": self.via[:200],
+            "effect": self.effect,
+        }
+        return {**value, "parameters": dict(self.parameters)} if self.parameters else value
+
+
+@dataclass(frozen=True, slots=True)
+class Claim:
+    """One class module's reading of a unit.
+
+    ``kind`` is the class word of the annotation, ``noun`` what the thing is called when nothing names the product.
+    ``names`` are the kernel's own strings for it, best first, each with the lines it is in. ``settled`` is false
+    where even the class is an inference: the annotation then stays below one half.
+    """
+
+    kind: str
+    category: str
+    noun: str
+    evidence: tuple[Evidence, ...]
+    capabilities: tuple[Capability, ...] = ()
+    names: tuple[tuple[str, ...], ...] = ()
+    settled: bool = True
+    missing: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Leave:
+    """A unit that is not identified, and why; ``reason`` is one of the schema's words."""
+
+    reason: str
+    detail: str
 
 
 def record(title: str, **members: Schema) -> Schema:
