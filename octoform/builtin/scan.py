@@ -15,9 +15,9 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.id_databases import IdDatabases
+from octoform.builtin.probe import probe
 from octoform.builtin.probe.commands import RECORDED
 from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.stage import probe
 from octoform.builtin.probe.udev import FOLDER, JOINED, SERIAL, UdevDatabase, key_of
 from octoform.builtin.task import Task
 

@@ -19,7 +19,7 @@ from octoform.base.digest import of_bytes
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
 
 HERE = Path(__file__).parent

@@ -13,7 +13,7 @@ from projects import Project
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.simulation.rig import Rig, load
 
 ARM = "usb-1a86-55d3"

@@ -13,7 +13,7 @@ from held import Change, Output, both, probed, refusals
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 pytestmark = pytest.mark.dear
 

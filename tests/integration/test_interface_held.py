@@ -10,7 +10,7 @@ from held import Change, Output, both, refusals
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.model import Artifacts
 
 PANELS = ["backlight-panel", "backlight-panel2"]

@@ -11,7 +11,7 @@ from cases import for_each
 from held import refusals, scanned
 from projects import Project
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 CAMERA, STICK, TOUCH, BUS = "usb-1f00-00c1", "usb-1f00-00d1", "hid-1f00-0077", "platform-amdi0010"
 Probe = dict[str, Any]

@@ -16,7 +16,7 @@ from projects import Project
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.model import Artifacts
 from octoform.simulation.rig import Rig, load
 

@@ -17,7 +17,7 @@ from sysfs_tree import Tree
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 pytestmark = pytest.mark.dear
 

@@ -8,7 +8,7 @@ from sysfs_tree import Tree
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
 
 ADAPTER = "pci0000:00/0000:00:14.0/usb1/1-1"

@@ -13,7 +13,7 @@ from session_folders import session_folder
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.model import ProfileFacts
 from octoform.profiles import commands, devices_of, for_task
 from octoform.profiles.profile_parser import load

@@ -7,7 +7,7 @@ from typing import Any
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.engine.coverage import CoverageReport, Ground, Stage, coverage
 from octoform.engine.coverage_runs import Pass, Run, compare, run_of
 

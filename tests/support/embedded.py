@@ -7,7 +7,7 @@ from typing import Any
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.host_identity import pseudonymise
 

@@ -21,7 +21,7 @@ from ruamel.yaml import YAML
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.endpoint.policy import resolve
 from octoform.manifest.model import Policy

@@ -12,7 +12,7 @@ from unit.builtin_identify.probes import answer, probe, usb
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 

@@ -9,7 +9,7 @@ from virtual_rig import ANSWERS, ARM, PROFILES, RAIL, described
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.profiles import devices_of, for_task
 from octoform.profiles.profile_parser import load
 from octoform.simulation.rig import Rig

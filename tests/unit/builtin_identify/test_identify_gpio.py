@@ -8,7 +8,7 @@ from sysfs_tree import Tree
 from unit.builtin_identify.probes import NO_DATABASES, answer, capabilities, device, probe, usb
 
 from octoform.builtin.identify import identify
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 

@@ -7,7 +7,7 @@ import pytest
 from sysfs_tree import Tree
 from unit.builtin_identify.probes import answer, capabilities, device, usb
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 CDC = ("interface 00: class 02/02/01 driver=cdc_acm", "interface 01: class 0a/00/ff driver=cdc_acm")
 PORT = (("tty", "ttyACM0"),)

@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 from hosts.plant import plant
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 ROOT = Path(__file__).resolve().parents[3]
 # Its folder, the host's root, the audit events and the output.

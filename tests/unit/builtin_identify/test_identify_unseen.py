@@ -8,7 +8,7 @@ from sysfs_tree import Tree
 from unit.builtin_identify.probes import answer, capabilities, device, usb
 
 from octoform.builtin.description import glossary
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from unseen_hosts import HOSTS, Host
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Severity

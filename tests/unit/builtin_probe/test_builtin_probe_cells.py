@@ -6,7 +6,7 @@ import pytest
 from sysfs_tree import Tree
 
 from octoform import runtime
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 HUB = "devices/pci0000:00/usb1/1-4"
 HID = f"{HUB}/1-4:1.0/0003:1D9C:2A0B.0001"

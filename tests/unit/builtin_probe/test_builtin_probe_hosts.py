@@ -10,7 +10,7 @@ import pytest
 from hosts.plant import HERE, NAMES
 from jsonschema import Draft202012Validator
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 SCHEMA = json.loads((Path(__file__).parents[3] / "protocol/schemas/probe.v1.schema.json").read_text())
 Planted = Callable[..., Path]

@@ -13,9 +13,8 @@ import pytest
 from hosts.plant import plant
 from jsonschema import Draft202012Validator
 
-from octoform.builtin.probe import commands
+from octoform.builtin.probe import commands, is_mac, probe, probe_root
 from octoform.builtin.probe.reader import Reader
-from octoform.builtin.probe.stage import is_mac, probe, probe_root
 from octoform.contracts.contract_check import check
 from octoform.contracts.host_identity import pseudonymise
 from octoform.contracts.model import Artifacts
@@ -202,7 +201,7 @@ import sys
 touched = []
 sys.addaudithook(lambda event, _: touched.append(event) if event.startswith("socket.") else None)
 from pathlib import Path
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 for root in sys.argv[1:]:
     probe_root(Path(root))
 sys.exit(f"PROBE touched the network: {touched}" if touched else 0)

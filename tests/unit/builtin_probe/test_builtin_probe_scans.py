@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
+from octoform.builtin.probe import probe
 from octoform.builtin.probe.reader import Abandoned, Reader, Scan, run_all, run_one
-from octoform.builtin.probe.stage import probe
 
 Planted = Callable[..., Path]
 AUDITED = """

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 
 SCHEMA = json.loads((Path(__file__).parents[3] / "protocol/schemas/probe.v1.schema.json").read_text())
 Planted = Callable[..., Path]

@@ -23,7 +23,7 @@ from server_edits import Absent, complete
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.scan import beside
 from octoform.builtin.serve.stage import render
 from octoform.contracts.contract_check import check

@@ -12,7 +12,7 @@ from cases import for_each
 from hosts.plant import plant
 from probe_cases import RIGHT, WRONG
 
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.scan import beside
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import Artifacts, HostScan

@@ -18,7 +18,7 @@ from wrong_servers import BY_DEFINITION, WRONG
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Diagnostic, Severity

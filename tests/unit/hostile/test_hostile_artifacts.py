@@ -17,8 +17,8 @@ from octoform.base.escaping import is_hidden
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
+from octoform.builtin.probe import probe_root
 from octoform.builtin.probe.kernel_text import visible
-from octoform.builtin.probe.stage import probe_root
 from octoform.builtin.serve.stage import render
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import check

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from sysfs_tree import Tree
 
 from octoform import runtime
-from octoform.builtin.probe.stage import probe_root
+from octoform.builtin.probe import probe_root
 from octoform.runtime import binding
 
 Planted = Callable[..., Path]
