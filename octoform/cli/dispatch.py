@@ -128,9 +128,9 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
     except BrokenPipeError:
         raise
     except OSError as problem:
-        from octoform.state.os_errors import refusal  # only a refusal pays for it
+        from octoform.state.files import unforeseen_refusal  # only a refusal pays for it
 
-        return problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
+        return problems.show(screen, [unforeseen_refusal(problem)], as_json=_as_json(arguments))
     return status
 
 
@@ -141,10 +141,10 @@ def _printed(status: int, arguments: Namespace, screen: console.Console) -> int:
     except BrokenPipeError:
         raise
     except OSError as problem:
-        from octoform.state.os_errors import refusal
+        from octoform.state.files import unforeseen_refusal
 
         _print_nowhere()
-        return status or problems.show(screen, [refusal(problem)], as_json=_as_json(arguments))
+        return status or problems.show(screen, [unforeseen_refusal(problem)], as_json=_as_json(arguments))
     return status
 
 

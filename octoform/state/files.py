@@ -2,8 +2,8 @@
 
 A state that can be cut in half by a full disk, a power cut or a kill is no state. So a file is only ever replaced by a
 complete, synced one, a file is only ever read when it is a regular file of a sane size (a link could point anywhere),
-and every refusal of the operating system becomes a diagnostic that names the disk or folder. Light: a no-op plan
-reads artifacts through this module.
+and every refusal of the operating system becomes a diagnostic that names the disk or folder, why, and what to do.
+Light: a no-op plan reads artifacts through this module.
 """
 
 import contextlib
@@ -14,6 +14,7 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
+from octoform.base import shortage
 from octoform.base.files import TEMPORARY, create, read, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import STAGES, Layout
@@ -33,6 +34,9 @@ IN_THE_WAY = {
     errno.ENOTDIR: "a folder on the way to it is none",
     errno.EEXIST: "what is there is no folder",
 }
+_PACKAGE = Path(__file__).resolve().parents[1]
+_CLOSED = (errno.EACCES, errno.EPERM)
+_NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
 
 
 def pass_by(name: str) -> None:
@@ -324,3 +328,72 @@ def spending(layout: Layout, write: Callable[[], Diagnostic | None]) -> Diagnost
     if problem is None or problem.code != "STATE-DISK-FULL" or not reserve_path(layout).exists():
         return problem
     return give_back(layout) or write()
+
+
+def unforeseen_refusal(problem: OSError) -> Diagnostic:
+    """SYSTEM-REFUSED: the operating system's error, about which file, and where octoform met it.
+
+    A refused process or thread is SYSTEM-NO-PROCESSES.
+    """
+    if shortage.is_shortage(problem):
+        return _no_processes(problem)
+    path = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, str | bytes) else None
+    reason = reason_of(problem) or type(problem).__name__
+    return error(
+        "SYSTEM-REFUSED",
+        f"the operating system refused: {reason}",
+        path=display(path) if path is not None else None,
+        detail=_place(problem),
+        hint=_hint(problem, path),
+    )
+
+
+def _no_processes(problem: OSError) -> Diagnostic:
+    return error(
+        "SYSTEM-NO-PROCESSES",
+        shortage.TEXT,
+        detail="; ".join(filter(None, (shortage.limits(), _place(problem)))) or None,
+        hint="end some of your processes, or raise the limit, and run the same command again",
+    )
+
+
+def _hint(problem: OSError, path: Path | None) -> str:
+    if path is None or not path.is_absolute():
+        return "octoform explain SYSTEM-REFUSED explains what can be done"
+    if problem.errno in _CLOSED:
+        owner = _owner(path)
+        if owner is not None and owner != os.geteuid():
+            return f"it belongs to user {name_of(owner)}; run it as that user"
+        return "look at its owner and mode"
+    if problem.errno in _NO_SPACE:
+        return f"free some space on {mount_point(path.parent)} and run the same command again"
+    if problem.errno in IN_THE_WAY:
+        return MOVE_AWAY
+    if problem.errno == errno.EROFS:
+        return "its file system is mounted read-only; mount it for writing, or use a copy that is writable"
+    return "octoform explain SYSTEM-REFUSED explains what can be done"
+
+
+def _owner(path: Path) -> int | None:
+    """The owner of the file, or of the nearest folder above it that is readable."""
+    for place in (path, *path.parents):
+        try:
+            return place.stat().st_uid
+        except OSError:
+            continue
+    return None
+
+
+def _place(problem: OSError) -> str | None:
+    """The innermost line of octoform's own that met it: without it a bug looks like a bad disk."""
+    import traceback  # only a refusal pays for it
+
+    frames = [frame for frame in traceback.extract_tb(problem.__traceback__) if _ours(frame.filename)]
+    if not frames:
+        return None
+    last = frames[-1]
+    return f"met in {last.name} ({Path(last.filename).relative_to(_PACKAGE.parent)}, line {last.lineno})"
+
+
+def _ours(name: str) -> bool:
+    return Path(name).is_relative_to(_PACKAGE)

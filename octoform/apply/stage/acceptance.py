@@ -26,7 +26,7 @@ from octoform.manifest.profile_paths import shipped
 from octoform.profiles import Profile, commands, definition, devices_of, profile_parser
 from octoform.protocol.prompt import tail
 from octoform.records import dataclass
-from octoform.state.os_errors import refusal
+from octoform.state.files import unforeseen_refusal
 
 MAX_BYTES = {"serve": 256 * 1024}
 MAX_JSON_BYTES = 8 * 1024 * 1024
@@ -113,7 +113,7 @@ def ended_well(outcome: Outcome, task: Task) -> list[Diagnostic]:
     )
     if outcome.reason is ExitReason.CRASHED and printed(detail or ""):
         # Its own limits are ours, and asking it again would end in the same way.
-        return [refusal(BlockingIOError(errno.EAGAIN, TEXT))]
+        return [unforeseen_refusal(BlockingIOError(errno.EAGAIN, TEXT))]
     if outcome.reason in _ENDINGS:
         code, text, hint = _ENDINGS[outcome.reason]
         limits = task.limits

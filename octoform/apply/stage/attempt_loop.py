@@ -44,8 +44,7 @@ from octoform.harness.registry import resolve
 from octoform.harness.watcher import added
 from octoform.protocol import PromptTooLarge
 from octoform.state import attempts as spec_edits
-from octoform.state.files import full_disk, refused
-from octoform.state.os_errors import refusal
+from octoform.state.files import full_disk, refused, unforeseen_refusal
 
 # The log of a failed attempt as its successor can use it.
 #
@@ -264,7 +263,7 @@ def _attempt(
 
 
 def _refusal(problem: OSError, place: Path) -> Diagnostic:
-    return refusal(problem) if is_shortage(problem) else refused(problem, place)
+    return unforeseen_refusal(problem) if is_shortage(problem) else refused(problem, place)
 
 
 def _log(task: Task, outcome: Outcome) -> Path:

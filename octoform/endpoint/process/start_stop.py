@@ -83,13 +83,12 @@ def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
     """Why a start would fail (no room, no threads); asked before an endpoint that is well is ended for another."""
     from octoform.base.files import require_room  # here, so that a client's pipe does not load them
     from octoform.base.shortage import require
-    from octoform.state.files import refused
-    from octoform.state.os_errors import refusal
+    from octoform.state.files import refused, unforeseen_refusal
 
     try:
         require(START_THREADS)
     except BlockingIOError as problem:
-        return _left(refusal(problem))
+        return _left(unforeseen_refusal(problem))
     for folder in (layout.endpoint, layout.run, layout.logs):
         try:
             private_folder(folder)

@@ -7,10 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from octoform.state.files import read_regular, refused, write_atomic
+from octoform.state.files import read_regular, refused, unforeseen_refusal, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
-from octoform.state.os_errors import refusal
 from octoform.state.store.quick_read import backup_path, parse, peek
 from octoform.state.store.store import StateStore
 
@@ -194,6 +193,6 @@ def test_what_stands_in_the_place_of_a_folder_is_told_with_what_to_do(tmp_path: 
         (tmp_path / "probe").mkdir(exist_ok=True)
     there = refused(refusal_of_folder.value, tmp_path / "probe")
     assert there.summary == "cannot be written: what is there is no folder"
-    unforeseen = refusal(refusal_of_folder.value)
+    unforeseen = unforeseen_refusal(refusal_of_folder.value)
     assert unforeseen.summary == "the operating system refused: what is there is no folder"
     assert below.hint == there.hint == unforeseen.hint == "move away what is there and run the same command again"
