@@ -22,7 +22,7 @@ from octoform.endpoint.environment.system_programs import missing_programs
 from octoform.endpoint.published_files import served_nodes
 from octoform.engine.inspect.devices import lacking
 from octoform.engine.plan.configuration import MANIFEST
-from octoform.harness import installer, logins, port, registry
+from octoform.harness import adapters, installer, logins, port
 from octoform.harness import program_location as installed
 from octoform.harness.adapters.command import CommandHarness
 from octoform.harness.adapters.program import ProgramHarness
@@ -151,7 +151,7 @@ class _Checks:
             yield from self._sandbox(spec)
             yield from self._litellm_model(agent)
             return
-        harness = registry.resolve(spec, self.environ, self.manifest.project)
+        harness = adapters.resolve(spec, self.environ, self.manifest.project)
         if isinstance(harness, Diagnostic):
             yield failed(_subject(spec), harness.summary, harness.hint)
             return
@@ -329,7 +329,7 @@ def _one(name: str, environ: Mapping[str, str], report: Callable[[str], None]) -
         return Installed(name, "nothing", NOTHING[name])
     if name == LITELLM:
         return _install_litellm(lambda text: report(f"{name}: {text}"))
-    harness = registry.resolve(HarnessSpec(name), environ)
+    harness = adapters.resolve(HarnessSpec(name), environ)
     if isinstance(harness, Diagnostic):
         return harness
     if not isinstance(harness, ProgramHarness):

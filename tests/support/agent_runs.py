@@ -8,7 +8,7 @@ from typing import Any
 from model_server import ModelServer
 
 from octoform.diagnostics import Diagnostic
-from octoform.harness import registry
+from octoform.harness import adapters
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.containment import orphans
 from octoform.harness.port import AgentEvent, Harness, Outcome, Task
@@ -57,7 +57,7 @@ def program(name: str) -> ProgramHarness:
 
 def harness(spec: HarnessSpec) -> Harness:
     """The harness of a spec, whose program is there."""
-    found = registry.resolve(spec, os.environ)
+    found = adapters.resolve(spec, os.environ)
     assert not isinstance(found, Diagnostic), found
     if isinstance(found, ProgramHarness):
         assert found.locate(environment()) is not None, f"{spec.name} is not installed: octoform install {spec.name}"

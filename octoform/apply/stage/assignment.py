@@ -25,9 +25,9 @@ from octoform.contracts.model import HostScan
 from octoform.contracts.rules.probe_host_rules import completed
 from octoform.diagnostics import Diagnostic, Span, error, has_errors, warning
 from octoform.endpoint.environment.system_programs import chosen_programs, named_programs, package_of
+from octoform.harness.adapters import resolve as resolve_harness
 from octoform.harness.llm.token_prices import OLD_DAYS, OWNERS, age_days, price_of
 from octoform.harness.port import AgentEvent, ExitReason, Outcome, Price, Task, TaskLimits, Usage
-from octoform.harness.registry import resolve as resolve_harness
 from octoform.manifest.model import MODEL_FREE, STEP, Budget, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 from octoform.plan.model import Plan

@@ -25,6 +25,7 @@ from octoform.base.files import replace as replace_file
 from octoform.base.shortage import is_shortage
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness import transcript
+from octoform.harness.adapters import resolve
 from octoform.harness.containment import agent_environment, sandbox
 from octoform.harness.port import (
     AgentEvent,
@@ -40,7 +41,6 @@ from octoform.harness.port import (
     ToolReturned,
     Usage,
 )
-from octoform.harness.registry import resolve
 from octoform.harness.watcher import added
 from octoform.protocol import PromptTooLarge
 from octoform.state import attempts as spec_edits

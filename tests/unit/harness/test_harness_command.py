@@ -10,11 +10,11 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.harness import contained_attempt
+from octoform.harness.adapters import resolve
 from octoform.harness.adapters.builtin import BuiltinHarness
 from octoform.harness.adapters.command import CommandHarness, fill
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, TaskLimits, Usage
-from octoform.harness.registry import resolve
 from octoform.manifest.model import HarnessSpec, Sandbox
 
 SECRET = "sk-not-a-real-key-0123456789"

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from octoform.harness import registry
+from octoform.harness import adapters
 from octoform.harness.adapters.program import ProgramHarness
 from octoform.harness.installer import dotted
 from octoform.manifest.credentials import PROVIDERS
@@ -20,12 +20,12 @@ ROWS = {
 
 
 def test_every_harness_has_a_row() -> None:
-    assert sorted(ROWS) == list(registry.NAMES)
+    assert sorted(ROWS) == list(adapters.NAMES)
 
 
-@pytest.mark.parametrize("name", registry.NAMES)
+@pytest.mark.parametrize("name", adapters.NAMES)
 def test_a_program_is_what_its_adapter_pins(name: str) -> None:
-    harness = registry.resolve(HarnessSpec(name, command=("agent",) if name == "command" else ()), {})
+    harness = adapters.resolve(HarnessSpec(name, command=("agent",) if name == "command" else ()), {})
     if isinstance(harness, ProgramHarness):
         adapter = harness.adapter
         wanted = "native" if adapter.pin.node is None else f"node {dotted(adapter.pin.node).removesuffix('.0')}"

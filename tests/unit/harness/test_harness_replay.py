@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from octoform.diagnostics import Diagnostic
+from octoform.harness.adapters import resolve
 from octoform.harness.port import (
     AgentEvent,
     ExitReason,
@@ -21,7 +22,6 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.recording import Recording, load
-from octoform.harness.registry import resolve
 from octoform.manifest.model import HarnessSpec
 
 TRANSCRIPT = [
