@@ -17,6 +17,7 @@ from uv import find_uv_bin
 from octoform.base.files import read, replace
 from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, error, is_untrusted_certificate
 from octoform.endpoint.bounded_program import Finished, base_environment, run
+from octoform.endpoint.environment.model import normal
 
 # The package tool (uv): found, given a small environment, run for a bounded time, its reason made short.
 #
@@ -154,7 +155,7 @@ def normalise(text: str) -> str:
     for line in text.splitlines():
         pinned = _PINNED.match(line)
         if pinned:
-            name = re.sub(r"[-_.]+", "-", pinned[1]).lower()
+            name = normal(pinned[1])
             current = []
             entries[name] = (f"{name}=={pinned[2]}" + (f" {pinned[3].strip()}" if pinned[3] else ""), current)
         else:
