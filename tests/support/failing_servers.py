@@ -248,6 +248,15 @@ RIGHT: dict[str, str] = {
         f"for _ in range(3):\n    try:\n        found = {TAKES}\n        break\n    except OSError:\n"
         "        time.sleep(0.1)\nelse:\n    raise ToolError('it gives no events')"
     ),
+    "each node is tried, then an error": touches(
+        f"found = []\nfor node in nodes:\n    try:\n        found = {_ONE}\n        break\n"
+        "    except OSError:\n        continue\nelse:\n    raise ToolError('no node of the touchscreen can be read')"
+    ),
+    "until the time is over, then an error": touches(
+        f"found, end = [], time.monotonic() + wait_seconds\nwhile time.monotonic() < end:\n    try:\n"
+        f"        found = {TAKES}\n        break\n    except OSError:\n        time.sleep(0.1)\n"
+        "else:\n    raise ToolError('it gives no events')"
+    ),
     "a close that fails": touches(
         f"found = {TAKES}\ntry:\n    runtime.evdev.axis(nodes[0], 0)\nexcept OSError:\n    pass"
     ),
@@ -307,6 +316,7 @@ OTHERWISE: dict[str, tuple[str, str]] = {
 }
 RIGHT |= {
     "read in a loop": identity(f"return Identity(**{_EVERY})"),
+    "thousands of numbers": identity(f"return [{_VENDOR}, list(range(900)), list(range(900)), list(range(900))]"),
     "a name that is not there": SERVER.replace('runtime.read_text(folder / "board_name")', "None"),
     "two attributes as one text": SERVER.replace(_VENDOR, f'" ".join([str({_VENDOR}), "of the board"])'),
     "a wait that is whole": touches(

@@ -167,7 +167,7 @@ UNARY: Mapping[type[ast.AST], Callable[[Any], Any]] = {
 }
 
 
-def plainly(function: Callable[..., Any], *given: Any, **named: Any) -> Any:
+def plainly(function: Callable[..., Any], /, *given: Any, **named: Any) -> Any:
     """What Python makes of plain values; an error of it ends the call, and so does what would take long."""
     if not _is_small(function, (*given, *named.values()) if named else given):
         raise Unsure

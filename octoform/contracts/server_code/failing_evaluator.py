@@ -18,10 +18,11 @@ from octoform.contracts.server_code.computed_values import (
     Unsure,
     World,
     is_unknown,
+    plainly,
 )
 from octoform.contracts.server_code.flow import Flow
 from octoform.contracts.server_code.origins import ELSEWHERE, PLACES, PURE, Origin, last
-from octoform.contracts.server_code.server_evaluator import Evaluator, Leave, Scope
+from octoform.contracts.server_code.server_evaluator import Evaluator, Scope
 from octoform.contracts.server_code.server_source import Source, walk
 
 NEUTRAL = Unknown()
@@ -40,7 +41,6 @@ _READERS = frozenset({"read_number", "read_integer", "read_text", "read_first", 
 _LOOKS = frozenset({"glob", "rglob", "iterdir", "exists", "is_file", "is_dir", "close", "release", "flush", "kill"})
 _FILLS = frozenset({"append", "extend", "add", "update", "insert", "appendleft"})
 _MANAGERS = frozenset({"contextmanager", "asynccontextmanager"})
-_TURNS = 3
 _NOT_OF_DEVICE = Origin.CLOCK | Origin.ARGUMENT | Origin.DEVICE | Origin.CHANCE | Origin.COUNTED
 
 
@@ -62,7 +62,9 @@ class _Broken(Failed):
 
 
 class FailingEvaluator(Evaluator):
-    """One call of one tool while each access raises ``fault``, but for the first ``spared``."""
+    """One call of one tool while each access raises an error of a kind, but for the first ones; ``fault`` is both."""
+
+    max_turns = 3
 
     def __init__(
         self, source: Source, world: World, choices: Sequence[bool], flow: Flow, fault: tuple[str, int]
@@ -110,6 +112,8 @@ class FailingEvaluator(Evaluator):
         if not isinstance(owner, list | dict):
             return None
         given, named = self._given(node, scope)
+        if not given and (isinstance(owner, list) or not named):
+            raise Failed
         if any(map(is_unknown, (*given, *named.values()))) and isinstance(owner, list):
             owner.append(given[-1] if node.func.attr == "append" else UNKNOWN)
         elif isinstance(owner, list) and node.func.attr == "append":
@@ -170,35 +174,20 @@ class FailingEvaluator(Evaluator):
                     super()._block([item], scope)
                 except Failed as problem:
                     self._swallow(item, caught, problem)
-            elif isinstance(item, ast.While):
-                self._repeated(item, scope)
             elif isinstance(item, ast.For) and is_unknown(self.value(item.iter, scope)):
                 self._store(item.target, UNKNOWN, scope)
-                self._turn(item.body, scope)
+                if self._turn(item.body, scope):
+                    self._block(item.orelse, scope)
             elif isinstance(item, ast.AugAssign):
                 self._grown(item, scope)
             else:
                 super()._block([item], scope)
 
-    def _turn(self, body: Sequence[ast.stmt], scope: Scope) -> bool:
-        """Whether the loop goes on after one turn of it."""
-        try:
-            self._block(body, scope)
-        except Leave as way:
-            return not way.args
-        return True
-
-    def _repeated(self, node: ast.While, scope: Scope) -> None:
-        for _ in range(_TURNS):
-            test = self.value(node.test, scope)
-            if not (self._decide(test) and self._turn(node.body, scope)):
-                return
-
     def _grown(self, node: ast.AugAssign, scope: Scope) -> None:
         before = self.value(node.target, scope)
         added = self.value(node.value, scope)
         if isinstance(before, list):
-            before += [UNKNOWN] if is_unknown(added) else list(added)
+            before += [UNKNOWN] if is_unknown(added) else plainly(list, added)
         elif isinstance(node.target, ast.Name):
             scope[node.target.id] = self._two(type(node.op), before, added)
 

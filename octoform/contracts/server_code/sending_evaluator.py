@@ -10,10 +10,9 @@ from typing import Any
 
 from octoform.contracts.server_code.computed_values import UNKNOWN, World, is_unknown
 from octoform.contracts.server_code.origins import last
-from octoform.contracts.server_code.server_evaluator import Evaluator, Leave, Scope
+from octoform.contracts.server_code.server_evaluator import Evaluator, Scope
 from octoform.contracts.server_code.server_source import Source
 
-_TURNS = 2
 _SPEAKS = frozenset(
     {"write", "send", "sendall", "Exchange", "Step", "move", "move_percent", "move_many", "pose", "torque", "stop"}
 )
@@ -37,6 +36,8 @@ class Sent:
 
 class SendingEvaluator(Evaluator):
     """One call of one tool, of which each call that speaks to the device is noted in ``sent``."""
+
+    max_turns = 2
 
     def __init__(self, source: Source, world: World, choices: Sequence[bool] = ()) -> None:
         super().__init__(source, world, choices, lambda *_: True)
@@ -67,22 +68,10 @@ class SendingEvaluator(Evaluator):
         for item in statements:
             if isinstance(item, ast.Try):
                 self._block([*item.body, *item.orelse, *item.finalbody], scope)
-            elif isinstance(item, ast.While):
-                self._repeated(item, scope)
             elif isinstance(item, ast.AugAssign) and not isinstance(item.target, ast.Name):
                 self.value(item.value, scope)
             elif not isinstance(item, ast.Delete | ast.Global | ast.Nonlocal):
                 super()._block([item], scope)
-
-    def _repeated(self, node: ast.While, scope: Scope) -> None:
-        for _ in range(_TURNS):
-            if not self._decide(self.value(node.test, scope)):
-                return
-            try:
-                self._block(node.body, scope)
-            except Leave as way:
-                if way.args:
-                    return
 
     def _store(self, target: ast.expr, value: Any, scope: Scope) -> None:
         if isinstance(target, ast.Attribute | ast.Subscript) and is_unknown(self.value(target.value, scope)):

@@ -6,8 +6,9 @@ computed has no outcome. So a right server in unusual words is never found wrong
 """
 
 import ast
-from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+import itertools
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any, TypeVar
 
 from octoform.contracts.server_code.computed_values import (
     BINARY,
@@ -45,17 +46,20 @@ class _Return(Exception):
         self.value = value
 
 
-class Leave(Exception):
+class _Leave(Exception):
     """The end of a loop, or of one turn of it."""
 
 
 class Evaluator:
     """One call of one tool, along the way that ``choices`` takes through tests of what is unknown."""
 
+    max_turns: int | None = None
+    """After how many turns a ``while`` counts as ended by its test; None for the turns that it has."""
+
     def __init__(
         self, source: Source, world: World, choices: Sequence[bool], harmless: Callable[[ast.Call, str, bool], bool]
     ) -> None:
-        self._source, self._world, self._harmless = source, world, harmless
+        self.world, self._source, self._harmless = world, source, harmless
         self._choices, self.taken = list(choices), list[bool]()
         self._steps = self._depth = 0
         self._left = world.left
@@ -67,7 +71,7 @@ class Evaluator:
         """The result of a function of the file, in plain values."""
         try:
             return self._enter(Inner(function, {}), (), named)
-        except (RecursionError, Leave) as problem:
+        except (RecursionError, _Leave) as problem:
             raise Unsure from problem
 
     def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
@@ -157,20 +161,25 @@ class Evaluator:
             rows = [UNKNOWN] if self._decide(UNKNOWN) else []
         for row in list(rows):
             self._store(node.target, row, scope)
-            try:
-                self._block(node.body, scope)
-            except Leave as way:
-                if way.args:
-                    return
+            if not self._turn(node.body, scope):
+                return
         self._block(node.orelse, scope)
 
     def _while(self, node: ast.While, scope: Scope) -> None:
-        while self._decide(self.value(node.test, scope)):
-            try:
-                self._block(node.body, scope)
-            except Leave as way:
-                if way.args:
-                    return
+        for _ in itertools.count() if self.max_turns is None else range(self.max_turns):
+            if not self._decide(self.value(node.test, scope)):
+                break
+            if not self._turn(node.body, scope):
+                return
+        self._block(node.orelse, scope)
+
+    def _turn(self, body: Sequence[ast.stmt], scope: Scope) -> bool:
+        """Whether a loop goes on after one turn of it."""
+        try:
+            self._block(body, scope)
+        except _Leave as way:
+            return not way.args
+        return True
 
     def _with(self, node: ast.With | ast.AsyncWith, scope: Scope) -> None:
         left: list[Inner] = []
@@ -201,7 +210,7 @@ class Evaluator:
             self._block(node.finalbody, scope)
 
     def _raise(self, node: ast.Raise | ast.Break | ast.Continue, _: Scope) -> None:
-        raise Failed if isinstance(node, ast.Raise) else Leave(*([True] if isinstance(node, ast.Break) else []))
+        raise Failed if isinstance(node, ast.Raise) else _Leave(*([True] if isinstance(node, ast.Break) else []))
 
     def _assert(self, node: ast.Assert, scope: Scope) -> None:
         if not self._decide(self.value(node.test, scope)):
@@ -401,6 +410,8 @@ class Evaluator:
             if word.arg is not None:
                 named[word.arg] = value
             elif isinstance(value, dict):
+                if not all(isinstance(name, str) for name in value):
+                    raise Failed
                 named |= value
         return given, named
 
@@ -430,6 +441,27 @@ class Evaluator:
         if not self._harmless(node, name, changed):
             raise Unsure
         return UNKNOWN
+
+
+_Evaluator = TypeVar("_Evaluator", bound=Evaluator)
+
+
+def ways(make: Callable[[list[bool]], _Evaluator], most: int, *, whole: bool = False) -> Iterator[_Evaluator]:
+    """An evaluator for each way through a call; the caller makes the call with it before it takes the next one.
+
+    There are at most so many; with ``whole``, Unsure where one is left.
+    """
+    waiting: list[list[bool]] = [[]]
+    for _ in range(most):
+        if not waiting:
+            return
+        choices = waiting.pop()
+        evaluator = make(choices)
+        yield evaluator
+        taken = evaluator.taken
+        waiting += [[*taken[:at], False] for at in range(len(choices), len(taken))]
+    if whole and waiting:
+        raise Unsure
 
 
 _OF_PLACES = frozenset({"open", "io.open", "pathlib.Path", "str", "os.fspath"})

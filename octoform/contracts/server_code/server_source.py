@@ -5,6 +5,7 @@ a malicious author can hide from any static rule, which is why the import under 
 """
 
 import ast
+import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -222,8 +223,10 @@ class Source:
 def read_source(text: str) -> Source | Diagnostic:
     """The parsed file, or the reason why it is no Python."""
     try:
-        tree = ast.parse(text)
-        compile(tree, "server.py", "exec", dont_inherit=True)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # Python would print its warnings about the server into our output
+            tree = ast.parse(text)
+            compile(tree, "server.py", "exec", dont_inherit=True)
     except SyntaxError as problem:
         return _no_python(text, problem)
     except (ValueError, RecursionError, MemoryError) as problem:

@@ -1,6 +1,7 @@
 """Each rule of SERVE, broken alone in a good server; what the imported server declares; and the lock."""
 
 import inspect
+import warnings
 
 import pytest
 from unit.contracts.contract_samples import READ, SCHEMAS, SERVER, artifacts, good
@@ -245,6 +246,13 @@ def test_a_passthrough_tool_is_refused_even_if_interface_let_it_in() -> None:
     interface["tools"][1]["name"] = "send_serial_command"
     text = SERVER.replace("def read_fan_speed", "def send_serial_command")
     assert {item.code for item in serve_static(text, interface)} == {"SERVE-PASSTHROUGH"}
+
+
+def test_what_python_warns_of_in_a_server_is_not_printed() -> None:
+    with warnings.catch_warnings(record=True) as printed:
+        warnings.simplefilter("always")
+        assert serve_static(SERVER + "\nUNUSED = 1 is 1\n", good("interface")) == []
+    assert printed == []
 
 
 def test_every_rule_of_serve_has_a_case() -> None:

@@ -1,12 +1,16 @@
 """What is computed of a server without running it: right numbers, no end of nothing, and what is unknown stays so."""
 
 import ast
+import contextlib
 from typing import Any
 
 import pytest
 from cases import for_each
 
 from octoform.contracts.server_code.computed_values import UNKNOWN, Failed, Spent, Unsure, World
+from octoform.contracts.server_code.failing_evaluator import FailingEvaluator
+from octoform.contracts.server_code.flow import flow_of
+from octoform.contracts.server_code.sending_evaluator import SendingEvaluator
 from octoform.contracts.server_code.server_evaluator import Evaluator
 from octoform.contracts.server_code.server_source import needed_source
 
@@ -39,6 +43,11 @@ VALUES: dict[str, tuple[str, Any]] = {
     "a sum": ("return 2 + 3 * 4", 14),
     "a text": ("return f'{3.14159:.2f} ' + str(7)", "3.14 7"),
     "a record": ("return {'a': [each * 2 for each in (1, 2) if each > 1]}", {"a": [4]}),
+    "a word that is called like a parameter": ("return '{function}'.format(function='a')", "a"),
+    "a loop with another end": (
+        "at = 0\n    while at < 3:\n        at += 1\n    else:\n        at = 9\n    return at",
+        9,
+    ),
     "a loop": (
         "total = 0\n    for each in range(5):\n        if each == 3:\n            break\n        total += each\n"
         "    return total",
@@ -97,6 +106,35 @@ def test_what_would_take_long_has_no_outcome(case: str) -> None:
     except (Failed, Spent, Unsure):
         return
     assert found is UNKNOWN
+
+
+MISTAKES = {
+    "a number added to a list": "found = []\n    found += 1\n    return found",
+    "a place added to a list": "found = []\n    found += runtime.device('x').path('hwmon')\n    return found",
+    "nothing appended": "found = []\n    found.append()\n    return found",
+    "a name that is a number": "return dict(**{1: 2})",
+    "a method with a name that is a number": "return {}.get(**{1: 2})",
+    "two values for one": "first, second = 1\n    return first",
+    "a loop over a number": "for each in 3:\n        pass\n    return each",
+    "a name that is not there": "return found + 1",
+    "a method that is not there": "return [].push(1)",
+    "a key that is not there": "return {}['a']",
+    "a key that is a list": "return {[1]: 2}",
+}
+
+
+@for_each("case", MISTAKES)
+def test_a_mistake_of_the_server_ends_its_call_alone(case: str) -> None:
+    source = needed_source(FILE.replace("{}", MISTAKES[case]))
+    [function] = [each for each in source.functions if each.name == "tool"]
+    world = World(lambda name: 100.0, [50_000])
+    for call in (
+        Evaluator(source, world, [], lambda call, name, changed: True),
+        FailingEvaluator(source, world, [], flow_of(source, frozenset({function})), ("OSError", 0)),
+        SendingEvaluator(source, world),
+    ):
+        with contextlib.suppress(Failed, Spent, Unsure):
+            call.call(function, {})
 
 
 def test_a_call_that_may_act_ends_what_is_known() -> None:

@@ -25,22 +25,10 @@ _PROGRAM = re.compile(
 )
 """Words that state that a string is a program, in whatever language."""
 _PROGRAMS = frozenset(
-    {
-        "expression",
-        "expr",
-        "lambda",
-        "eval",
-        "predicate",
-        "script",
-        "jq",
-        "sql",
-        "regex",
-        "regexp",
-        "formula",
-        "program",
-    }
-    | {"snippet", "jsonpath", "xpath"}
+    {"expression", "expr", "lambda", "eval", "predicate", "script", "snippet", "program", "formula"}
+    | {"jq", "sql", "regex", "regexp", "jsonpath", "xpath"}
 )
+"""Words by which the name of a parameter states the same."""
 _CHOSEN = frozenset({"enum", "const", "pattern", "format"})
 
 _SOUND = "audio sound speaker mic voice speech tone beep buzz horn siren alarm music song play pcm alsa mixer radio tv"

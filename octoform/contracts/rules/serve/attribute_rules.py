@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from octoform.base.escaping import display
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
@@ -18,7 +18,7 @@ from octoform.contracts.rules.serve.value_rules import stored_members
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Place, Spent, Unsure, World, is_unknown
 from octoform.contracts.server_code.origins import Origin
 from octoform.contracts.server_code.server_evaluator import Evaluator
-from octoform.contracts.server_code.server_source import needed_source
+from octoform.contracts.server_code.server_source import Function, needed_source
 from octoform.diagnostics import Diagnostic
 
 OTHERWISE, CONSTANT = "SERVE-READING-OTHERWISE", "SERVE-CONSTANT-READING"
@@ -48,10 +48,9 @@ def read_of_another(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "read the attribute that the member is called after"
     out = []
-    for tool, result in _results(value, artifacts):
-        _, function = Calls(source, artifacts).served[tool["name"]]
-        for what in dict.fromkeys(each for record in records(result) for each in _exchanged(record)):
-            out.append(source.problem(OTHERWISE, function, f"{display(tool['name'])} returns {what}", hint))
+    for tool, function, found in _results(value, artifacts):
+        for what in dict.fromkeys(each for record in found for each in _exchanged(record)):
+            out.append(source.problem(OTHERWISE, function, f"{display(tool)} returns {what}", hint))
     return out
 
 
@@ -60,9 +59,8 @@ def written_text(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     hint = "read the attribute of that name in the folder of the device"
     out = []
-    for tool, result in _results(value, artifacts):
-        _, function = Calls(source, artifacts).served[tool["name"]]
-        for record in records(result):
+    for _, function, found in _results(value, artifacts):
+        for record in found:
             for name, each in record.items():
                 if isinstance(each, str) and each and _SIGN not in each and name != CLASS and _NAMES.fullmatch(name):
                     what = f"the result's {display(name)} is a string of this file, and not one that the device gave"
@@ -92,8 +90,8 @@ def repeated_time(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 RULES = (Rule(OTHERWISE, read_of_another), Rule(CONSTANT, written_text), Rule(CONSTANT, repeated_time))
 
 
-def _results(value: str, artifacts: Artifacts) -> Iterator[tuple[JsonObject, Any]]:
-    """The result of each read tool that returns texts, where its call can be computed in one way."""
+def _results(value: str, artifacts: Artifacts) -> Iterator[tuple[str, Function, list[dict[Any, Any]]]]:
+    """(tool, its function, the records of its result) of each read tool that returns texts, where there is one way."""
     source = needed_source(value)
     calls, left = Calls(source, artifacts), [_BUDGET]
     for tool, function in calls.served.values():
@@ -101,13 +99,13 @@ def _results(value: str, artifacts: Artifacts) -> Iterator[tuple[JsonObject, Any
             continue
         try:
             call = Evaluator(source, _Signs(lambda _: 500.0, left), [], lambda *_: True)
-            result = call.call(function, next(arguments(tool, tool["devices"][0])))
+            found = list(records(call.call(function, next(arguments(tool, tool["devices"][0])))))
         except (Failed, Unsure):
             continue
         except Spent:
             return
         if not call.taken:
-            yield tool, result
+            yield tool["name"], function, found
 
 
 def _exchanged(record: dict[Any, Any]) -> Iterator[str]:

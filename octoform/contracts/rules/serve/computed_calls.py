@@ -11,7 +11,7 @@ from octoform.contracts.model import Artifacts, JsonObject
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.rules.serve.write_rules import only_reads
 from octoform.contracts.server_code.computed_values import Failed, Unsure, World
-from octoform.contracts.server_code.server_evaluator import Evaluator
+from octoform.contracts.server_code.server_evaluator import Evaluator, ways
 from octoform.contracts.server_code.server_source import Function, Source
 
 _BUDGET, _MAX_WAYS, _MAX_CALLS, _MAX_PARTS = 400_000, 24, 12, 2000
@@ -52,21 +52,17 @@ class Calls:
         What a program did is known to those only who look at its words (``programs``).
         """
         _, function = self.served[tool]
-        waiting: list[list[bool]] = [[]]
-        for _ in range(_MAX_WAYS):
-            if not waiting:
-                return
-            choices = waiting.pop()
+
+        def along(choices: list[bool]) -> Evaluator:
             now = World(world.usual, world.left, dict(world.stored))
-            evaluator = Evaluator(self.source, now, choices, self._harmless)
+            return Evaluator(self.source, now, choices, self._harmless)
+
+        for call in ways(along, _MAX_WAYS, whole=True):
             with contextlib.suppress(Failed):
-                result = evaluator.call(function, given)
-                if now.ran and not programs:
+                result = call.call(function, given)
+                if call.world.ran and not programs:
                     raise Unsure
-                yield now, result
-            taken = evaluator.taken
-            waiting += [[*taken[:at], False] for at in range(len(choices), len(taken))]
-        raise Unsure
+                yield call.world, result
 
     def _harmless(self, call: ast.Call, name: str, changed: bool) -> bool:
         """Whether a call changes no attribute, and none of the lists and tables that it may be given (``changed``)."""

@@ -7,6 +7,7 @@ import ast
 import contextlib
 import re
 from collections.abc import Iterator
+from functools import partial
 from typing import Any
 
 from octoform.base.escaping import display
@@ -16,6 +17,7 @@ from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functio
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Spent, Unsure, World
 from octoform.contracts.server_code.failing_evaluator import FAULTS, NEUTRAL, FailingEvaluator, Swallowed
 from octoform.contracts.server_code.flow import Flow
+from octoform.contracts.server_code.server_evaluator import ways
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
@@ -50,15 +52,14 @@ RULES = (Rule(CODE, nothing_instead),)
 def _answers(source: Source, flow: Flow, tool: JsonObject, function: Function) -> Iterator[Swallowed]:
     """What lets a tool answer with nothing while its device fails: from its first access on, or from a later one."""
     left, given = [_BUDGET], _given(tool)
+
+    def failing(fault: tuple[str, int], choices: list[bool]) -> FailingEvaluator:
+        return FailingEvaluator(source, World(lambda _: 0.0, left), choices, flow, fault)
+
     for kind in FAULTS:
         for spared in range(_MAX_ACCESSES):
-            waiting: list[list[bool]] = [[]]
             failed = False
-            for _ in range(_MAX_WAYS):
-                if not waiting:
-                    break
-                choices = waiting.pop()
-                call = FailingEvaluator(source, World(lambda _: 0.0, left), choices, flow, (kind, spared))
+            for call in ways(partial(failing, (kind, spared)), _MAX_WAYS):
                 try:
                     with contextlib.suppress(Failed, Unsure):
                         result = call.call(function, given)
@@ -68,7 +69,6 @@ def _answers(source: Source, flow: Flow, tool: JsonObject, function: Function) -
                 except Spent:
                     return
                 failed = failed or call.failed
-                waiting += [[*call.taken[:at], False] for at in range(len(choices), len(call.taken))]
             if not failed:
                 break
 

@@ -1,4 +1,4 @@
-"""Rules for SERVE about a device whose protocol definition a chosen profile has: the server does that and no more.
+"""Rules for SERVE about a device whose profile has a protocol definition: the server commands it as defined.
 
 An arm that is asked at another speed acknowledges nothing, a rest pose that is another pose drops it, and a stop that
 moves is none. The profile has all of it as data, so the code is held against that.
@@ -19,6 +19,7 @@ from octoform.contracts.server_code.computed_values import Failed, Spent, Unsure
 from octoform.contracts.server_code.flow import Flow
 from octoform.contracts.server_code.origins import last
 from octoform.contracts.server_code.sending_evaluator import SendingEvaluator, Sent
+from octoform.contracts.server_code.server_evaluator import ways
 from octoform.contracts.server_code.server_source import Function, Source, needed_source
 from octoform.diagnostics import Diagnostic
 
@@ -126,7 +127,7 @@ class _Judge:
             return
         for node, numbers in speeds if all(float(baud) not in (each or ()) for _, each in speeds) else ():
             shown = listed([f"{number:g}" for number in sorted(numbers or ())])
-            yield node, f"opens the line at {shown} baud, and the profile has {baud}"
+            yield node, f"the server opens the line at {shown} baud, and the profile has {baud}"
 
     def _raw(self, registers: Grammar) -> Found:
         """Addresses and units of calls of the maker's library that the profile does not have."""
@@ -136,9 +137,9 @@ class _Judge:
             if name.rpartition(".")[2] in _RAW and len(call.args) > 2:
                 one, at = self._numbers(call.args[1]), self._numbers(call.args[2])
                 if at and not at & addresses:
-                    yield call, f"asks for the register {min(at):g}, which the profile does not have"
+                    yield call, f"the server asks for the register {min(at):g}, which the profile does not have"
                 if one and not one & units:
-                    yield call, f"asks the unit {min(one):g}, which the profile does not have"
+                    yield call, f"the server asks the unit {min(one):g}, which the profile does not have"
 
     def _maps(self, registers: Grammar) -> Found:
         """What a map of ``runtime.registers`` has otherwise than the profile."""
@@ -155,20 +156,18 @@ class _Judge:
 
     def _sent(self, root: Function, given: Mapping[str, Any]) -> list[list[Sent]]:
         """What is sent along each way through one call of a tool; none where one is not known."""
+
+        def sending(choices: list[bool]) -> SendingEvaluator:
+            return SendingEvaluator(self._source, World(lambda _: 0.0, self._left), choices)
+
         out: list[list[Sent]] = []
-        waiting: list[list[bool]] = [[]]
-        for _ in range(_MAX_WAYS):
-            if not waiting:
-                return out
-            choices = waiting.pop()
-            call = SendingEvaluator(self._source, World(lambda _: 0.0, self._left), choices)
+        for call in ways(sending, _MAX_WAYS):
             try:
                 with contextlib.suppress(Failed):
                     call.call(root, given)
                     out.append(call.sent)
             except (Unsure, Spent):
                 return []
-            waiting += [[*call.taken[:at], False] for at in range(len(choices), len(call.taken))]
         return out
 
     def _lines(self, command: Mapping[str, Any], given: Mapping[str, Any], sent: list[Sent]) -> Found:
@@ -196,7 +195,10 @@ class _Judge:
         for at, member in ((1, "baud"), (2, "ending")):
             stated, wanted = wire.argument(at, member), self._grammar["line"].get(member)
             if is_plain(stated) and stated != wanted:
-                yield wire.node, f"has {display(str(stated))} as {member}, and the profile {display(str(wanted))}"
+                yield (
+                    wire.node,
+                    f"the wire has {display(str(stated))} as {member}, and the profile {display(str(wanted))}",
+                )
 
     def _counted(self, command: Mapping[str, Any], given: Mapping[str, Any], sent: list[Sent]) -> Found:
         """A step of ``runtime.counting`` that is not what the command does."""
@@ -279,6 +281,7 @@ def _arguments(command: Mapping[str, Any]) -> Iterator[dict[str, Any]]:
                 given[name] = member["enum"][abs(tried) % len(member["enum"])]
             else:
                 low, high = member.get("minimum", tried), member.get("maximum", tried)
+                # Not the lowest number itself, which a server that caps what it is given would send as well.
                 given[name] = int(min(max(tried, low), high)) + (37 if low > tried and high >= low + 37 else 0)
         yield given
 
@@ -290,7 +293,8 @@ def _map_problems(made: Sent, registers: Grammar) -> Found:
     if isinstance(units, dict) and is_plain(units):
         for name, number in units.items():
             if wanted.get(name) != number:
-                yield made.node, f"has the unit {display(str(name))} as {number}, and the profile {wanted.get(name)}"
+                what = f"the map has the unit {display(str(name))} as {number}, and the profile {wanted.get(name)}"
+                yield made.node, what
     known = registers.get("fields", {})
     for name, field in fields.items() if isinstance(fields, dict) else ():
         if isinstance(field, Sent):
@@ -300,21 +304,23 @@ def _map_problems(made: Sent, registers: Grammar) -> Found:
         for member in ("goal", "present"):
             stated = motion.argument(("goal", "present").index(member), member)
             if isinstance(stated, str) and stated != registers["motion"][member]:
-                yield motion.node, f"has {display(stated)} as {member}, and the profile {registers['motion'][member]}"
+                what = f"the motion has {display(stated)} as {member}, and the profile {registers['motion'][member]}"
+                yield motion.node, what
     if protect is None and registers.get("protect") and isinstance(motion, Sent):
-        yield made.node, "has no `protect`, and the profile refuses to move a unit that is too hot"
+        yield made.node, "the map has no `protect`, and the profile refuses to move a unit that is too hot"
 
 
 def _field_problems(name: str, field: Sent, known: Grammar) -> Found:
     if name not in known:
-        yield field.node, f"has the register {display(name)}, which the profile does not have"
+        yield field.node, f"the map has the register {display(name)}, which the profile does not have"
         return
-    usual = {"address": UNSET, "size": 1, "scale": 1, "sign_bit": None}
+    usual = {"address": _UNSET, "size": 1, "scale": 1, "sign_bit": None}
     for at, (member, otherwise) in enumerate(usual.items()):
         stated = field.argument(at, member, otherwise)
         wanted = known[name].get({"size": "bytes"}.get(member, member), otherwise)
         if is_plain(stated) and stated != wanted:
-            yield field.node, f"has {stated} as {member} of the register {display(name)}, and the profile {wanted}"
+            what = f"the map has {stated} as {member} of the register {display(name)}, and the profile {wanted}"
+            yield field.node, what
 
 
-UNSET = object()
+_UNSET = object()
