@@ -123,17 +123,17 @@ def imported(argv: Sequence[str], folder: Path) -> list[str]:
 
 
 def slowness() -> float:
-    """How many times longer than ``START`` Python's start takes, the median of all starts that this process tried."""
+    """How many times longer than ``START`` Python's start takes: the median of all that this process has timed."""
     if not _starts:
-        _start(7)
+        _time_starts(7)
     return statistics.median(_starts) / START
 
 
 _starts: list[float] = []
 
 
-def _start(count: int) -> None:
-    """Start Python so often; its time is noted, and that of the first start, which reads the disk, is not."""
+def _time_starts(count: int) -> None:
+    """Time so many starts of Python, after a first one that reads the disk and does not count."""
     bare = Command("python -c pass", [PYTHON, "-c", "pass"], ROOT)
     _starts.extend([cost(bare).cpu for _ in range(count + 1)][1:])
 
@@ -144,7 +144,7 @@ def scratch() -> Iterator[Path]:
     sys.path.insert(0, str(SUPPORT))
     from endings import end_endpoints
 
-    _start(3)
+    _time_starts(3)
     folder = Path(tempfile.mkdtemp(prefix="octoform-bench-"))
     try:
         yield folder

@@ -33,6 +33,7 @@ from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, has_errors, 
 from octoform.endpoint.access.tokens import ensure_default
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.check import CheckReport, check, judge_check
+from octoform.endpoint.client.check_verdict import tally
 from octoform.endpoint.environment.build import await_bytecode, build
 from octoform.endpoint.environment.import_check import ImportReport, check_import, judge_import
 from octoform.endpoint.environment.lockfile import OFFLINE, resolve
@@ -297,13 +298,8 @@ def calls_text(report: CheckReport) -> str:
     """How the test calls went, for a person; a tool answered when it did for each of its devices."""
     tried = {call.tool for call in report.calls if call.skipped is None}
     failed = {call.tool for call in report.calls if call.skipped is None and not call.ok}
-    left = len({call.tool for call in report.calls} - tried)
     full = {call.tool for call in report.calls if call.content or not call.results}
-    empty = ", ".join(sorted(tried - failed - full))
-    done = (
-        f"{len(tried - failed)} of {len(tried)} read tools answered{f', {empty} with nothing in it' if empty else ''}"
-    )
-    return f"{done}{f', {left} not tried' if left else ''}"
+    return tally(tried - failed, tried, {call.tool for call in report.calls}, tried - failed - full)
 
 
 def _lock(context: Context, requirements: Sequence[str]) -> tuple[str | None, list[Diagnostic]]:

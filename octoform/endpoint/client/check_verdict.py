@@ -5,7 +5,7 @@ permitted is right, and refusing it would keep a host from ever being onboarded.
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from typing import Any
 
 from octoform.base.quantities import BOUNDS, COUNTS, is_possible, last_word, unit_in, unit_of_name, unit_of_text
@@ -96,6 +96,17 @@ def _is_null(result: Any) -> bool:
     """Whether each member of a result but the device is null; an empty list is what a quiet device gives."""
     members = [value for name, value in result.items() if name not in _NAMES] if isinstance(result, Mapping) else []
     return bool(members) and all(value is None for value in members)
+
+
+def tally(answered: Set[str], tried: Set[str], known: Set[str], empty: Set[str], verb: str = "answered") -> str:
+    """How many of the tried read tools answered, which of these with an empty result, and how many were not tried.
+
+    All of them are names of tools; ``known`` are those that were to be called.
+    """
+    parts = [f"{len(answered)} of {len(tried)} read tools {verb}"]
+    parts += [f"{', '.join(sorted(empty))} with nothing in it"] if empty else []
+    parts += [f"{len(known - tried)} not tried"] if known - tried else []
+    return ", ".join(parts)
 
 
 def of_another(call: SampleCallResult, devices: frozenset[str]) -> str | None:

@@ -16,7 +16,7 @@ from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, Severity, error, has_errors
 from octoform.endpoint.access.tokens import listed
 from octoform.endpoint.access.tunnel import no_tunnel, through, tunnel_opened
-from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS
+from octoform.endpoint.client.check_verdict import NOTHING_ANSWERS, tally
 from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.endpoint.environment.build import prewarmed
 from octoform.endpoint.expected_tools import display
@@ -206,11 +206,8 @@ def sample_answer(calls: list[dict[str, Any]], good: Mapping[str, dict[str, Any]
     name, call = next(iter(good.items()))
     took = f" in {call['ms']:.0f} ms" if call.get("ms") is not None else ""
     tried = {call["tool"] for call in calls if call.get("skipped") is None}
-    left = len({call["tool"] for call in calls} - tried)
-    empty = ", ".join(sorted(good.keys() - {call["tool"] for call in calls if call.get("content", True)}))
-    nothing = f", {empty} with nothing in it" if empty else ""
-    done = f"{len(good)} of {len(tried)} read tools did{nothing}"
-    return f"{name} answered{took}; {done}{f', {left} not tried' if left else ''}"
+    empty = good.keys() - {call["tool"] for call in calls if call.get("content", True)}
+    return f"{name} answered{took}; {tally(good.keys(), tried, {call['tool'] for call in calls}, empty, 'did')}"
 
 
 _SERVING = ("deploy", "endpoint")
