@@ -91,6 +91,7 @@ def test_a_bad_line_is_refused_by_number(tmp_path: Path, line: int, damage: byte
     assert reading is None
     assert [item.code for item in found] == ["STATE-JOURNAL-CORRUPT"]
     assert f"line {line} of 3" in found[0].summary
+    assert f"lines 1 to {line - 1} are whole" in (found[0].detail or "")
 
 
 def test_a_line_that_is_missing_or_doubled_is_refused(tmp_path: Path) -> None:

@@ -59,6 +59,24 @@ def test_three_tries_then_frozen_over_restarts_and_reboots(shelf: Shelf) -> None
     assert breakers(shelf, boot="b2").of("k").tries == 0
 
 
+@pytest.mark.parametrize(("target", "left"), [("t", (0, 0, 1)), ("u", (1, 1, 0)), ("*", (0, 0, 0)), ("v", (1, 1, 1))])
+def test_a_person_who_asks_for_a_target_gets_the_tries_of_its_hour_again(
+    shelf: Shelf, target: str, left: tuple[int, int, int]
+) -> None:
+    found = breakers(shelf)
+    found.begin("t tool e", "t", 0.0)
+    found.begin("t tool e", "t", 0.0, quick=True)
+    found.begin("u tool e", "u", 0.0)
+    found.thaw(target)
+    for each in (found, breakers(shelf)):
+        hours = [
+            each.in_hour("t tool e", 1.0),
+            each.in_hour("t tool e", 1.0, quick=True),
+            each.in_hour("u tool e", 1.0),
+        ]
+        assert tuple(map(len, hours)) == left
+
+
 def test_a_repair_that_cannot_help_is_not_tried_again(shelf: Shelf) -> None:
     found = breakers(shelf)
     fail(found, 0.0, again=False, chain=2)
