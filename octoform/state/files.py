@@ -14,7 +14,6 @@ import stat
 from collections.abc import Callable
 from pathlib import Path
 
-from octoform.base import shortage
 from octoform.base.files import TEMPORARY, create, read, replace
 from octoform.diagnostics import Diagnostic, error
 from octoform.state.layout import STAGES, Layout
@@ -335,8 +334,12 @@ def unforeseen_refusal(problem: OSError) -> Diagnostic:
 
     A refused process or thread is SYSTEM-NO-PROCESSES.
     """
+    from octoform.base import shortage  # only a refusal pays for it
+
     if shortage.is_shortage(problem):
-        return _no_processes(problem)
+        detail = "; ".join(filter(None, (shortage.limits(), _place(problem)))) or None
+        hint = "end some of your processes, or raise the limit, and run the same command again"
+        return error("SYSTEM-NO-PROCESSES", shortage.TEXT, detail=detail, hint=hint)
     path = Path(os.fsdecode(problem.filename)) if isinstance(problem.filename, str | bytes) else None
     reason = reason_of(problem) or type(problem).__name__
     return error(
@@ -345,15 +348,6 @@ def unforeseen_refusal(problem: OSError) -> Diagnostic:
         path=display(path) if path is not None else None,
         detail=_place(problem),
         hint=_hint(problem, path),
-    )
-
-
-def _no_processes(problem: OSError) -> Diagnostic:
-    return error(
-        "SYSTEM-NO-PROCESSES",
-        shortage.TEXT,
-        detail="; ".join(filter(None, (shortage.limits(), _place(problem)))) or None,
-        hint="end some of your processes, or raise the limit, and run the same command again",
     )
 
 

@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterable, Sequence
 
 from octoform.base import digest
-from octoform.graph.compile import SCOPE, in_force
 from octoform.graph.model import ANSWER, STEP
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, Reuse, StepOutlook
 from octoform.records import dataclass
@@ -229,6 +228,8 @@ def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
         return f"answer {part.removeprefix(ANSWER)}: {_answer_text(item)}"
     label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
     if not _is_digest(item.before) and not _is_digest(item.after):
+        from octoform.graph.compile import SCOPE, in_force  # only a changed setting pays for it
+
         scope = next((one for one in action.reasons if one.part == SCOPE), Reason(Cause.CHANGED))
         before = in_force(part, scope.before) if item.before is None else item.before
         after = in_force(part, scope.after) if item.after is None else item.after

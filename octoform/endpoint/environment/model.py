@@ -9,8 +9,6 @@ same file provide the same module: whichever was installed last has overwritten 
 breaks both. That is how a graphical and a headless build of one library come to conflict.
 """
 
-import base64
-import csv
 import hashlib
 import io
 import os
@@ -241,6 +239,8 @@ def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:
 
 
 def _rows(record: Path) -> list[tuple[str, str]]:
+    import csv  # only a look at every file pays for it
+
     try:
         text = head(record, MAX_RECORD_BYTES, follow=True).decode("utf-8", "replace")
         return [(row[0], row[1]) for row in csv.reader(io.StringIO(text)) if len(row) > 1]
@@ -249,6 +249,8 @@ def _rows(record: Path) -> list[tuple[str, str]]:
 
 
 def _digest(path: Path) -> str | None:
+    import base64
+
     try:
         with stream(path) as file:
             found = hashlib.file_digest(file, "sha256").digest()

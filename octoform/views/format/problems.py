@@ -13,10 +13,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import octoform
-from octoform.base.escaping import escaped_json
+from octoform.base.escaping import escaped, escaped_json
 from octoform.diagnostics import Diagnostic, Severity, Span, has_errors, to_json
 from octoform.views.format.console import Console
-from octoform.views.format.values import escape
 
 GOES_ON = "what was accepted stays accepted, the next apply goes on from there"
 _STYLES = {"bold": "1", "dim": "2", "red": "1;31", "yellow": "1;33", "blue": "1;34", "cyan": "36"}
@@ -128,12 +127,12 @@ def _place(item: Diagnostic) -> str:
 
 
 def _flat(text: str) -> str:
-    return escape(" ".join(text.split()))
+    return escaped(" ".join(text.split()))
 
 
 def _lines(text: str) -> list[str]:
     bounded = text if len(text) <= _MAX_PARAGRAPH else text[:_MAX_PARAGRAPH] + _CUT
-    return [escape(line).replace("\t", _TAB).rstrip() for line in bounded.split("\n")]
+    return [escaped(line, "\t").replace("\t", _TAB).rstrip() for line in bounded.split("\n")]
 
 
 def _paragraph(text: str | None, indent: str) -> list[str]:
@@ -142,7 +141,7 @@ def _paragraph(text: str | None, indent: str) -> list[str]:
 
 def _marked(source: str, span: Span, width: int) -> tuple[str, str]:
     """The source line as shown, cut to ``width`` columns around the place, and the line with the carets."""
-    cells = [_CELLS.get(char) or escape(char) for char in source]
+    cells = [_CELLS.get(char) or escaped(char) for char in source]
     start = min(max(span.column - 1, 0), len(cells))
     end = min(
         max(span.end_column - 1 if span.end_column is not None else start + 1, start + 1), max(len(cells), start + 1)
