@@ -181,35 +181,4 @@ def _promised(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str
         yield f"has {display(found[0])}, and its devices do not", "describe what PROBE and IDENTIFY show of them"
 
 
-_SINGLES = re.compile(
-    r"(?i)(?:^|_)serial(?:_?(?:number|no|nr|num|id))?$|(?:^|_)(?:imei|imsi|iccid|meid)$|^(?:system|product)_uuid$"
-)
-
-
-def serial_returned(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """No result has a serial number: which unit it is is no reading, and it goes to every model that asks."""
-    out = []
-    for index, tool in enumerate(value["tools"]):
-        for where, name, member in _members(tool.get("output_schema"), ("tools", index, "output_schema")):
-            if _SINGLES.search(name) and "boolean" not in str(member.get("type")):
-                summary = f"the result of {display(tool['name'])} has the serial number {display(name)}"
-                hint = "take it out: maker and model state the kind, and a device is named by its id"
-                out.append(error("INTERFACE-RESULT-SERIAL", summary, pointer=pointer(*where), hint=hint))
-    return out
-
-
-def _members(value: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str, JsonObject]]:
-    """(place, name, schema) of every member of a result, at any depth."""
-    if isinstance(value, dict):
-        members = value.get("properties")
-        for name, item in members.items() if isinstance(members, dict) else ():
-            if isinstance(item, dict):
-                yield (*where, "properties", name), name, item
-        for name, item in value.items():
-            yield from _members(item, (*where, name))
-    elif isinstance(value, list):
-        for index, item in enumerate(value):
-            yield from _members(item, (*where, index))
-
-
-RULES = (Rule("INTERFACE-DESCRIPTION", description), Rule("INTERFACE-RESULT-SERIAL", serial_returned))
+RULES = (Rule("INTERFACE-DESCRIPTION", description),)
