@@ -20,7 +20,9 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
+from typing import TextIO
 
+from octoform.base.escaping import display
 from octoform.cli.parser import RENAMED, UsageError, parse
 from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.views.format import console, problems
@@ -67,8 +69,19 @@ UNWINDING_SECONDS = 20.0
 def dispatch(argv: Sequence[str]) -> int:
     """Run the command line; the exit codes are those of ``octoform --help``."""
     screen = console.for_process()
-    _only_absolute_programs()
+    _only_absolute_folders()
     _keep_owner_rights()
+    try:
+        return _dispatched(argv, screen)
+    except BrokenPipeError:
+        # The reader of the output is gone; no one is left to inform, and Python must not try again at exit.
+        _print_nowhere(sys.stdout)
+        return 1
+    except OSError as problem:  # what had to be printed, even about a problem, found no room
+        return _unprinted(problem, screen)
+
+
+def _dispatched(argv: Sequence[str], screen: console.Console) -> int:
     try:
         with orderly():
             arguments = parse(argv)
@@ -78,25 +91,25 @@ def dispatch(argv: Sequence[str]) -> int:
                 problems.renamed(screen, arguments.renamed, " ".join(RENAMED[arguments.renamed]))
             if arguments.version:
                 return problems.version(screen)
-            return _printed(_run(arguments, screen), arguments, screen)
+            return _printed(_run(arguments, screen), screen)
     except UsageError as problem:
         return problems.usage(screen, str(problem), problem.usage)
     except Stopped as stopped:
         return problems.stopped(screen, stopped.number)
     except KeyboardInterrupt:
         return problems.interrupted(screen)
-    except BrokenPipeError:
-        # The reader of the output is gone; no one is left to inform, and Python must not try again at exit.
-        _print_nowhere()
-        return 1
 
 
-def _only_absolute_programs() -> None:
+def _only_absolute_folders() -> None:
     """A folder in PATH that has no root is one of the project's, where an agent may have left another ``git``."""
     words = os.environ.get("PATH", "").split(os.pathsep)
     absolute = [word for word in words if Path(word).is_absolute()]
     if absolute != words and absolute:
         os.environ["PATH"] = os.pathsep.join(absolute)
+    # A home without a root is another one in each folder: files of clients would land in the project, or at the root.
+    for name in ("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
+        if not Path(os.environ.get(name, "/")).is_absolute():
+            del os.environ[name]
 
 
 def _keep_owner_rights() -> None:
@@ -134,30 +147,47 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
     return status
 
 
-def _printed(status: int, arguments: Namespace, screen: console.Console) -> int:
+def _printed(status: int, screen: console.Console) -> int:
     """The exit status once all output is out; 1 where it could not be written, as on a full disk."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:
         raise
     except OSError as problem:
-        from octoform.state.files import unforeseen_refusal
-
-        _print_nowhere()
-        return status or problems.show(screen, [unforeseen_refusal(problem)], as_json=_as_json(arguments))
+        return _unprinted(problem, screen, status)
     return status
 
 
-def _print_nowhere() -> None:
+def _unprinted(problem: OSError, screen: console.Console, status: int = 0) -> int:
+    """The exit status of a command whose output found no room: a sentence on stderr, or none where that is full."""
+    from octoform.state.files import unforeseen_refusal
+
+    _print_nowhere(sys.stdout)
+    try:
+        return status or problems.show(screen, [unforeseen_refusal(problem)])
+    except OSError:
+        _print_nowhere(sys.stderr)
+        return 1
+
+
+def _print_nowhere(stream: TextIO) -> None:
     """Python prints what is left when it ends, and must not be refused once more."""
-    os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
 def _project(arguments: Namespace, screen: console.Console) -> Path:
     """The folder to work in: the one that was named, else this one or the nearest above that is a project of ours."""
-    here = Path(os.path.realpath(arguments.chdir or "."))  # of a link to itself, too
-    if not here.is_dir():
-        raise UsageError(f"-chdir: {arguments.chdir} is not a folder", "")
+    given = f"-chdir: {display(arguments.chdir or '.')}"
+    try:
+        here = Path(os.path.realpath(arguments.chdir or "."))  # of a link to itself, too
+        if not here.is_dir():
+            raise UsageError(f"{given} is not a folder", "")
+    except FileNotFoundError:
+        if arguments.command in _WITHOUT_FOLDER:
+            return Path("/")
+        raise UsageError("the folder that this shell is in was removed; change to one that is there", "") from None
+    except OSError as problem:
+        raise UsageError(f"{given}: {problem.strerror}", "") from None
     if arguments.chdir is not None or arguments.command in _HERE:
         return here
     above = next((folder for folder in (here, *here.parents) if _is_project(folder)), here)

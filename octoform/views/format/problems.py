@@ -17,6 +17,8 @@ from octoform.base.escaping import escaped, escaped_json
 from octoform.diagnostics import Diagnostic, Severity, Span, has_errors, to_json
 from octoform.views.format.console import Console
 
+MAX_USAGE = 600
+"""Characters of a sentence about a command line, which repeats words of it."""
 GOES_ON = "what was accepted stays accepted, the next apply goes on from there"
 _STYLES = {"bold": "1", "dim": "2", "red": "1;31", "yellow": "1;33", "blue": "1;34", "cyan": "36"}
 _SEVERITY = {Severity.ERROR: "red", Severity.WARNING: "yellow"}
@@ -29,7 +31,8 @@ _MAX_PARAGRAPH = 4000
 
 def usage(console: Console, message: str, usage_line: str) -> int:
     """A command line that could not be understood; exit code 1."""
-    console.problem(f"octoform: {message}")
+    text = escaped(message, keep="\n")
+    console.problem(f"octoform: {text if len(text) <= MAX_USAGE else text[:MAX_USAGE] + '...'}")
     console.problem(usage_line.strip() or "see octoform --help")
     return 1
 
