@@ -110,6 +110,16 @@ def _only_absolute_folders() -> None:
     for name in ("HOME", "XDG_CONFIG_HOME", "XDG_CACHE_HOME"):
         if not Path(os.environ.get(name, "/")).is_absolute():
             del os.environ[name]
+    if "HOME" not in os.environ and not _has_account():
+        os.environ["HOME"] = "/"  # as containers have it for a user id without an account; it is closed to most
+
+
+def _has_account() -> bool:
+    try:
+        Path.home()
+    except RuntimeError:
+        return False
+    return True
 
 
 def _keep_owner_rights() -> None:

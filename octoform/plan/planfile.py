@@ -17,6 +17,8 @@ from octoform.plan.diff import Observed, Prior
 from octoform.plan.model import Action, Plan
 from octoform.records import dataclass
 
+_HINT = "save one with `octoform plan -out FILE`"
+
 
 class Unit(BaseModel):
     """The constraints of one node: known key parts, the prior key, the artifact's digest."""
@@ -107,10 +109,17 @@ def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
         place = (
             ".".join(str(part) for part in problem.errors()[0]["loc"]) if isinstance(problem, ValidationError) else ""
         )
-        hint = "save one with `octoform plan -out FILE`"
         detail = f"it does not fit at {place}" if place else "it is cut off, edited or another file"
-        return None, [error("PLAN-NOT-A-PLAN", "this is not a saved plan", path=path, detail=detail, hint=hint)]
+        return None, [error("PLAN-NOT-A-PLAN", "this is not a saved plan", path=path, detail=detail, hint=_HINT)]
     return saved, []
+
+
+def unread(path: str, problem: Diagnostic | None) -> Diagnostic:
+    """Why a file that a person named is not a plan; only for files of the state the hint is to remove it."""
+    if problem is not None and problem.code != "STATE-LINK":
+        return problem
+    summary = "this is a link, a folder or a special file, not a saved plan" if problem else "there is no such file"
+    return error("PLAN-NOT-A-PLAN", summary, path=path, hint=_HINT)
 
 
 def describe(item: Moved) -> Diagnostic:

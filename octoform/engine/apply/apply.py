@@ -91,8 +91,7 @@ def read_saved(path: Path | None, compiled: Compiled) -> tuple[SavedRun | None, 
         return None, []
     data, problem = read_regular(path)
     if data is None:
-        missing = error("PLAN-NOT-A-PLAN", "there is no such file", path=str(path))
-        return None, [problem or missing]
+        return None, [planfile.unread(str(path), problem)]
     document, found = planfile.read(data, str(path))
     if document is None:
         return None, found

@@ -55,7 +55,7 @@ def saved_plan(path: Path) -> tuple[Plan | None, list[Diagnostic]]:
     """The plan that a file of ``plan -out`` holds."""
     data, problem = read_regular(path)
     if data is None:
-        return None, [problem or error("PLAN-NOT-A-PLAN", "there is no such file", path=str(path))]
+        return None, [planfile.unread(str(path), problem)]
     document, found = planfile.read(data, str(path))
     return (model.from_json(document.plan) if document else None), found
 

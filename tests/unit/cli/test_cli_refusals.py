@@ -133,6 +133,29 @@ def test_an_emergency_stop_works_from_inside_the_project_and_its_clearing_names_
     assert bench.ask("status")["estop"] is None
 
 
+@pytest.mark.parametrize("words", ["apply", "show"])
+@pytest.mark.parametrize("path", ["/dev/zero", "/dev/null", ".", "nowhere", "octopus.yaml"])
+def test_what_is_no_saved_plan_is_said_to_be_none_and_nobody_is_told_to_remove_it(
+    bench: Launched, words: str, path: str
+) -> None:
+    done = octoform(bench.layout.project, words, path)
+    assert done.returncode == 1 and "error[PLAN-NOT-A-PLAN]" in done.stderr
+    assert "octoform plan -out FILE" in done.stderr and "remove" not in done.stderr
+
+
+@pytest.mark.skipif(not POSSIBLE, reason="only root can act as another user")
+@pytest.mark.parametrize("words", ["clients list", "clients install codex", "connect -print codex", "service install"])
+def test_a_user_without_a_home_and_an_account_reads_a_sentence(words: str) -> None:
+    with ordinary_user(61234) as user:
+        (user.place / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+        user.owns_all()
+        done = subprocess.CompletedProcess(
+            words, *warm.run(OCTOFORM, words.split(), user.place, {"PATH": os.environ["PATH"]}, 60, prefix=user.prefix)
+        )
+        assert "Traceback" not in done.stderr, done.stderr
+        assert done.stdout or "error[" in done.stderr
+
+
 @pytest.mark.skipif(not POSSIBLE, reason="only root can act as another user")
 @pytest.mark.parametrize("umask", ["777", "700", "277"])
 def test_a_umask_without_the_owners_own_rights_closes_nothing_to_the_owner(umask: str) -> None:
