@@ -9,6 +9,7 @@ from sysfs_tree import Tree
 
 from octoform import runtime
 from octoform.base import serials
+from octoform.runtime import binding
 from octoform.runtime.sysfs import place, socket
 
 BOARD, TWIN = "usb-1f00-00c1", "usb-1f00-00c1-2"
@@ -381,3 +382,14 @@ def test_a_card_without_the_attribute_is_not_in_doubt_and_one_with_another_numbe
     card(tree, "0x1ff07a11")
     with pytest.raises(runtime.DeviceAbsent):
         runtime.device("mmc-sd-su16g", actuate=True)
+
+
+def test_the_serial_number_of_each_bus_is_where_its_kernel_driver_shows_it(tree: Tree) -> None:
+    disk = tree.bus("pci0/0000:01:00.0", "pci")
+    assert binding.serial(disk) is None
+    tree.member("pci0/0000:01:00.0/nvme/nvme0", "nvme", {"serial": "S4EVNF0M123456"})
+    assert binding.serial(disk) == "S4EVNF0M123456"
+    assert binding.serial(tree.bus("mmc0/mmc0:0001", "mmc", {"serial": "0x1a2b3c4d"})) == "1a2b3c4d"
+    assert binding.serial(tree.bus("mmc0/mmc0:0002", "mmc")) is None
+    assert binding.serial(tree.usb("pci0/usb1/1-7", "1f00", "00c1")) == ""
+    assert binding.serial(tree.bus("hid0/0003:1F00:00C2.0001", "hid", {}, HID_UNIQ="77f3")) == "77f3"
