@@ -59,6 +59,7 @@ def replace(
     is done; a refusal after "renamed" leaves the new file in place, complete. Not ``synced``: whole for every reader,
     but a power cut may lose it. ``exact``: ``mode`` whatever the umask, as a person gave it.
     """
+    _refuse_device(path)
     draft = path.with_name(f".{path.name}.{os.urandom(6).hex()}{TEMPORARY}")
     try:
         create(draft, data, mode, synced=synced)
@@ -74,6 +75,14 @@ def replace(
     if synced:
         sync_folder(path.parent)
     watch("synced")
+
+
+def _refuse_device(path: Path) -> None:
+    """A device node, such as /dev/null, is of the whole machine: root could put a file in its place."""
+    with contextlib.suppress(FileNotFoundError):
+        kind = path.lstat().st_mode
+        if stat.S_ISCHR(kind) or stat.S_ISBLK(kind):
+            raise FileExistsError(errno.EEXIST, "a device is in its place", str(path))
 
 
 def replace_in(folder: int, name: str, data: bytes, mode: int) -> None:

@@ -75,6 +75,8 @@ _FOREIGN = re.compile(
 """What no sentence of octoform holds: the words of Python and of the kernel."""
 _QUOTES = ("incidents", "logs", "attempts", "attempts show 4")
 """Commands that quote what servers and agents printed."""
+_QUOTED = re.compile(r"\w fails: ")
+"""A finding about a tool that fails, which every command quotes with the tool's own error."""
 _TOOL_FAILED = re.compile(r"octoform: reference [0-9a-f]{8}: the tool \S+ failed inside$")
 _CHAINED = re.compile(r"(The above exception was|During handling of the above)")
 
@@ -98,6 +100,11 @@ def bare_tracebacks(printed: str) -> list[str]:
             within = False
         before = line
     return found + (["a traceback without an end"] if within else [])
+
+
+def foreign_lines(printed: str) -> list[str]:
+    """The lines in words of Python or of the kernel, but for those that quote a tool."""
+    return [line for line in printed.splitlines() if _FOREIGN.search(line) and not _QUOTED.search(line)]
 
 
 @dataclass
@@ -257,7 +264,7 @@ class Subject:
             last = [line for line in text.splitlines() if line.strip()][-1]
             where = [line.strip() for line in text.splitlines() if line.strip().startswith("File ")][-1:]
             case.wrong.append(f"{name}: {last[:160]} {' '.join(where)[-120:]}")
-        elif foreign := [line for line in text.splitlines() if name not in _QUOTES and _FOREIGN.search(line)]:
+        elif name not in _QUOTES and (foreign := foreign_lines(text)):
             case.wrong.append(f"{name}: not in words of octoform: {foreign[0].strip()[:240]}")
         elif status not in (0, 2) and not text.strip():
             case.wrong.append(f"{name}: ends with {status} and says nothing")

@@ -35,7 +35,7 @@ from octoform.protocol.model import FRAME
 from octoform.records import dataclass
 from octoform.state import reusable
 from octoform.state.artifact_cache import read_instances
-from octoform.state.files import write_atomic
+from octoform.state.files import read_regular, write_atomic
 from octoform.state.git_repository import repository_facts
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot
@@ -187,8 +187,17 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
         return PlanResult(None, tuple(found))
     if out is None:
         return PlanResult(outlook.plan, tuple(found))
-    problem = write_atomic(out, save(request, outlook), 0o600)
+    problem = _in_the_way(out) or write_atomic(out, save(request, outlook), 0o600)
     return PlanResult(outlook.plan, (*found, *([problem] if problem else [])), None if problem else str(out))
+
+
+def _in_the_way(out: Path) -> Diagnostic | None:
+    """What is in the place of a plan to be saved and would be lost; a former plan and an empty file may be."""
+    data, problem = read_regular(out)
+    if problem is None and (not data or planfile.read(data, str(out))[0] is not None):
+        return None
+    hint = "what is there stays; give the plan another name"
+    return error("PLAN-NOT-A-PLAN", "the file in its place is not a saved plan", path=str(out), hint=hint)
 
 
 def _doubts(outlook: Outlook) -> list[Diagnostic]:

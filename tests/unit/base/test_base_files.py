@@ -268,3 +268,14 @@ def test_a_private_folder_is_closed_with_all_that_was_missing_above(tmp_path: Pa
         with pytest.raises(OSError):
             files.private_folder(taken)
     assert not (tmp_path / "gone").exists()
+
+
+def test_a_device_is_never_replaced(tmp_path: Path) -> None:
+    device = tmp_path / "null"
+    try:
+        os.mknod(device, stat.S_IFCHR | 0o666, os.makedev(1, 3))
+    except PermissionError:
+        pytest.skip("only root can make a device")
+    with pytest.raises(FileExistsError, match="a device is in its place"):
+        files.replace(device, b"x")
+    assert stat.S_ISCHR(device.lstat().st_mode) and [each.name for each in tmp_path.iterdir()] == ["null"]

@@ -143,6 +143,21 @@ def test_what_is_no_saved_plan_is_said_to_be_none_and_nobody_is_told_to_remove_i
     assert "octoform plan -out FILE" in done.stderr and "remove" not in done.stderr
 
 
+def test_a_plan_is_saved_over_no_other_file(tmp_path: Path) -> None:
+    assert octoform(tmp_path, "init").returncode == 0
+    manifest = (tmp_path / "octopus.yaml").read_bytes()
+    (tmp_path / "link").symlink_to("octopus.yaml")
+    os.mkfifo(tmp_path / "pipe")
+    for path in ("octopus.yaml", "link", "pipe", "."):
+        done = octoform(tmp_path, "plan", "-out", path)
+        assert done.returncode == 1 and "error[PLAN-NOT-A-PLAN]" in done.stderr, (path, done.stderr)
+    assert (tmp_path / "octopus.yaml").read_bytes() == manifest and (tmp_path / "link").is_symlink()
+    (tmp_path / "empty").touch()
+    for path in ("new", "new", "empty"):
+        assert octoform(tmp_path, "plan", "-out", path).returncode == 0
+        assert octoform(tmp_path, "show", path).returncode == 0
+
+
 @pytest.mark.skipif(not POSSIBLE, reason="only root can act as another user")
 @pytest.mark.parametrize("words", ["clients list", "clients install codex", "connect -print codex", "service install"])
 def test_a_user_without_a_home_and_an_account_reads_a_sentence(words: str) -> None:
