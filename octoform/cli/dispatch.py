@@ -22,7 +22,6 @@ from pathlib import Path
 from types import FrameType
 from typing import TextIO
 
-from octoform.base.escaping import display
 from octoform.cli.parser import RENAMED, UsageError, parse
 from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.views.format import console, problems
@@ -187,7 +186,7 @@ def _print_nowhere(stream: TextIO) -> None:
 
 def _project(arguments: Namespace, screen: console.Console) -> Path:
     """The folder to work in: the one that was named, else this one or the nearest above that is a project of ours."""
-    given = f"-chdir: {display(arguments.chdir or '.')}"
+    given = f"-chdir: {arguments.chdir or '.'}"
     try:
         here = Path(os.path.realpath(arguments.chdir or "."))  # of a link to itself, too
         if not here.is_dir():

@@ -187,6 +187,9 @@ def _silent(layout: Layout, result: RunResult, recorded: bool) -> str:
     return f"{len(failed)} of {len(tried)} read tools did not answer" if 2 * len(failed) > len(tried) else ""
 
 
+_SAMPLE_CALL = {"tool": str, "ms": (None, float), "skipped": (None, str)}
+
+
 def _sample_calls(layout: Layout) -> list[dict[str, Any]]:
     """The calls of the last check; empty when there was none."""
     path = layout.endpoint / "check.json"
@@ -194,7 +197,7 @@ def _sample_calls(layout: Layout) -> list[dict[str, Any]]:
         document = files.read_json(path)
     except (OSError, ValueError):
         return []  # the check's own verdict was reported already; only its calls are not to be had
-    calls: list[dict[str, Any]] = document["calls"] if fits(document, {"calls": [dict]}) else []
+    calls: list[dict[str, Any]] = document["calls"] if fits(document, {"calls": [_SAMPLE_CALL]}) else []
     return calls
 
 

@@ -81,6 +81,13 @@ def test_the_last_lines_prefer_a_tool_whose_answer_has_content() -> None:
     assert list(apply.answering(calls)) == ["power", "formats"]
 
 
+@pytest.mark.parametrize("damage", [{"ms": [4]}, {"ms": "4"}, {"tool": ["read"]}, {"tool": None}, {"skipped": {}}])
+def test_calls_of_another_form_are_none(tmp_path: Path, damage: dict[str, Any]) -> None:
+    layout = checked(tmp_path, [called("power", True), {**called("read", True), **damage}])
+    calls = apply._sample_calls(layout)
+    assert apply.sample_answer(calls, apply.answering(calls)) is None
+
+
 def test_a_tool_that_was_not_tried_is_counted_apart() -> None:
     calls = [called("read_1", True), called("read_2", False), {"tool": "read_3", "ok": False, "skipped": "a line"}]
     assert apply.sample_answer(calls, apply.answering(calls)) == (
