@@ -45,6 +45,7 @@ WAYS: dict[str, tuple[str, ...]] = {
 MEASURED: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(("temperature", "temperatures"), _HEAT),
     **dict.fromkeys(("humidity", "pressure", "illuminance", "acceleration"), _AIR),
+    **dict.fromkeys(("co2", "voc", "gas", "air", "dust"), _AIR),
     **dict.fromkeys(("voltage", "voltages"), (*_HEAT, "regulator", "typec", "usb_power_delivery", "powercap")),
     **dict.fromkeys(("battery", "charge"), _CHARGE),
     **dict.fromkeys(("fan", "fans"), ("hwmon", "thermal", "drm", "cooling")),
@@ -59,6 +60,7 @@ _MOVED = frozenset(
 )
 _MOVED |= {"gantry", "valve"}
 _CHANNELS = {"temperature": "temp", "temperatures": "temp", "humidity": "humidity", "pressure": "pressure"}
+_CHANNELS |= dict.fromkeys(("co2", "voc", "gas", "air", "dust"), "(?:mass)?concentration|resistance|gas|co2")
 _CHANNELS |= {"voltage": "in$|voltage|vdd", "voltages": "in$|voltage|vdd"}
 _CHANNELS |= {"fan": "fan|pwm", "fans": "fan|pwm", "illuminance": "illuminance|intensity", "acceleration": "accel"}
 _CHANNEL = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(?:in_)?([a-z_]+)\d*: ")

@@ -6,6 +6,8 @@ Each set was accepted by the rules of its day, and is kept beside what is right 
 from typing import Any
 
 import wrong_deploys as deploy
+from identify_cases import ENV, ability, more
+from server_edits import ASKED, FILE, Edit, adds, all_of, body, read_by, swap, uses, warm
 from wrong_interfaces import TEXT, Output, says, takes, told, tool
 
 
@@ -107,4 +109,158 @@ DEPLOY_RIGHT: dict[str, Any] = {
     "no range of Python": lambda value: value.pop("python", None),
     "a package with its purpose": deploy.requires("tzdata", "2024.2", "time zones of this host"),
     "a submodule of Python": lambda value: value["imports"][4].update(module="json.decoder"),
+}
+
+
+def acts(old: str, new: str) -> Edit:
+    """`set_brightness` with other statements in the place of its write."""
+    whole = ACT.replace("(folder / 'brightness').write_text(str(round(top * percent / 100)))", "{}")
+    assert whole != ACT
+    return body("set_brightness", whole.format(new) if old == "write" else ACT.replace(old, new))
+
+
+ACT = """folder = runtime.device(device, actuate=True).path('backlight')
+top = int((folder / 'max_brightness').read_text())
+(folder / 'brightness').write_text(str(round(top * percent / 100)))
+level = int((folder / 'brightness').read_text())
+light = Light(name=folder.name, percent=round(100 * level / top, 1), level=level, maximum=top)
+return Lights(device=device, lights=[light])"""
+WRITE = "(folder / 'brightness').write_text(str(round(top * percent / 100)))"
+EVENTS = """
+begun = time.monotonic()
+with runtime.device(device).bus() as unit:
+    came = runtime.evdev.events(unit.nodes("input", "event"), {}, {})
+found = [Event(input=n, time_s=t, type=EVENT_TYPES.get(k, str(k)), code=c, value=v) for n, t, k, c, v in came]
+return Events(device=device, waited_s=round(time.monotonic() - begun, 2), events=found)
+"""
+PICTURE = """
+with runtime.device(device).bus() as unit:
+    taken = runtime.child.call(take_picture, unit.node("video4linux", "video"), {}, format, flush)
+if taken is None:
+    raise ToolError("the camera gave no picture; see whether its lid is open")
+data, facts = taken
+return ToolResult(content=[Image(data=data, format=format)], structured_content={{**facts, "format": format}})
+"""
+DISK = """
+folder = runtime.device(device).path("block")
+sectors = runtime.read_integer(folder / "size")
+if sectors is None:
+    raise ToolError("the size cannot be read; plug the disk in again")
+parts = dict.fromkeys(("rotational", "removable", "read_only", "state", "wear", "io_errors", "temperature_degc"))
+model = runtime.read_text(folder / "device/model")
+return Storage(device=device, disks=[Disk(name=folder.name, model=model, size_bytes={}, volumes=[], **parts)])
+"""
+HWMON = 'runtime.channels.hwmon(unit, "temp", 0.001, "degC")'
+SERVE_WRONG: dict[str, Any] = {
+    "hidden: a handler that passes": acts("write", f"try:\n    {WRITE}\nexcept OSError:\n    pass"),
+    "hidden: two kinds of errors": acts(
+        "write", f"try:\n    {WRITE}\nexcept (PermissionError, FileNotFoundError):\n    pass"
+    ),
+    "hidden: a line in the log": all_of(
+        uses("logging"),
+        acts("write", f"try:\n    {WRITE}\nexcept OSError as problem:\n    logging.warning('not set: %s', problem)"),
+    ),
+    "hidden: suppressed": all_of(uses("contextlib"), acts("write", f"with contextlib.suppress(OSError):\n    {WRITE}")),
+    "idle: how long": body("read_input_events", EVENTS.format("events", "5")),
+    "idle: how many": body("read_input_events", EVENTS.format("20", "seconds")),
+    "idle: how long and how many": body("read_input_events", EVENTS.format("20", "5")),
+    "idle: pictures that are thrown away": body(
+        "capture_image", PICTURE.format("width, height").replace("format, flush)", "format, 5)")
+    ),
+    "crossed: width and height": body("capture_image", PICTURE.format("height, width")),
+    "kept: by a default of a table": all_of(
+        adds("LAST = {}"), read_by(f"value = LAST.setdefault(device, float(({FILE}).read_text()))")
+    ),
+    "named: a device of the host that it does not serve": body(
+        "read_temperature",
+        f"value = float(({FILE}).read_text())\n{warm('value / 1000')}".replace(
+            "device=device", "device='usb-0a0a-0001'"
+        ),
+    ),
+    "kernel: a fan": read_by(f"value = float(({ASKED}.path('hwmon') / 'fan1_input').read_text())"),
+    "kernel: a voltage's channels": swap(HWMON, HWMON.replace('"temp"', '"in"')),
+    "kernel: without its scale": swap(HWMON, HWMON.replace("0.001", "1.0")),
+    "kernel: in volts": swap(HWMON, HWMON.replace('"degC"', '"V"')),
+    "kernel: sectors as bytes": body("read_storage", DISK.format("sectors")),
+    "kernel: pages": body("read_storage", DISK.format("sectors * 4096")),
+    "kernel: kibibytes": body("read_storage", DISK.format("sectors // 2")),
+}
+SERVE_RIGHT: dict[str, Any] = {
+    "set: a trigger that a light can lack": acts(
+        "write", f"try:\n    (folder / 'trigger').write_text('none')\nexcept FileNotFoundError:\n    pass\n{WRITE}"
+    ),
+    "set: tried three times": acts(
+        "write",
+        f"for _ in range(3):\n    try:\n        {WRITE}\n        break\n    except OSError:\n        time.sleep(0.05)\n"
+        "else:\n    raise ToolError('the light refused three times')",
+    ),
+    "set: an error that is told later": acts(
+        "write",
+        f"failed = None\ntry:\n    {WRITE}\nexcept OSError as problem:\n    failed = problem\n"
+        "if failed is not None:\n    raise ToolError(f'the light cannot be set: {{failed}}')",
+    ),
+    "set: read afterwards, and refused": acts(
+        "write",
+        f"try:\n    {WRITE}\nexcept OSError:\n    pass  # what is read decides\n"
+        "if int((folder / 'brightness').read_text()) != round(top * percent / 100):\n"
+        "    raise ToolError('the light did not take it')",
+    ),
+    "set: by a descriptor": all_of(
+        uses("os"),
+        acts(
+            "write",
+            "handle = os.open(folder / 'brightness', os.O_WRONLY)\ntry:\n"
+            "    os.write(handle, str(round(top * percent / 100)).encode())\nfinally:\n    os.close(handle)",
+        ),
+    ),
+    "used: as the camera has it": body("capture_image", PICTURE.format("1280, height")),
+    "used: in an object": all_of(
+        adds("class Wish:\n    def __init__(self, width, height):\n        self.size = (width, height)"),
+        body("capture_image", "wish = Wish(width, height)\n" + PICTURE.format("wish.size[0], wish.size[1]").strip()),
+    ),
+    "used: in a table": body(
+        "read_input_events",
+        "most = {'events': events, 'for': seconds}" + EVENTS.format("most['events']", "most['for']"),
+    ),
+    "used: by a helper that is wrapped": all_of(
+        uses("functools"),
+        adds(
+            """
+            def locked(function):
+                @functools.wraps(function)
+                def inside(name):
+                    with runtime.device(name).bus() as unit:
+                        return function(unit)
+
+                return inside
+
+
+            @locked
+            def fetched(unit):
+                return float((unit.path('hwmon') / 'temp1_input').read_text())
+            """
+        ),
+        read_by("value = fetched(device)"),
+    ),
+    "kernel: sectors of 512 bytes": body("read_storage", DISK.format("sectors << 9")),
+    "kernel: the scale as a fraction": swap(HWMON, HWMON.replace("0.001", "1e-3")),
+}
+IDENTIFY_WRONG: dict[str, tuple[str, Any]] = {
+    "a gas of a chip for air": ("raspberry", more(ENV, "read_co2", description="The CO2 in ppm.", via="iio")),
+    "a quality of a chip for air": ("raspberry", more(ENV, "read_air_quality", description="An index.", via="iio")),
+}
+IDENTIFY_RIGHT: dict[str, tuple[str, Any]] = {
+    "a humidity of the air": (
+        "raspberry",
+        lambda value: ability(value, ENV, "read_humidity").update(description="The humidity of the air in percent."),
+    ),
+}
+INTERFACE_WRONG |= {
+    "a reading that begins as a setter": says("read_brightness", "Set the brightness of the display in percent."),
+    "degrees Celsius in kelvin": returns("read_temperature", "mean_celsius", type="number", description="K"),
+    "a reading that switches": says("read_led", "Turns on the LED, and reads it."),
+}
+INTERFACE_RIGHT |= {
+    "degrees Celsius in their sign": returns("read_temperature", "mean_celsius", type="number", description="°C"),
+    "a set of readings": says("read_led", "Set of brightness values of the LED in percent."),
 }

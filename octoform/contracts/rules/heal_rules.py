@@ -163,6 +163,9 @@ def _reads_less(before: _Side, after: _Side, known: set[str]) -> Iterator[Diagno
     if gone:
         summary = f"the rewrite no longer calls {listed(gone)}"
         yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
+    elif seldom := sorted(_always(before, lasting) - _always(after, lasting)):
+        summary = f"the rewrite calls {listed(seldom)} in some cases only, where each call did"
+        yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
     elif len(has) < len(had):
         summary = f"the rewrite makes {len(has)} calls where there were {len(had)}"
         yield error(READS_LESS, summary, path=PATH, hint=_KEEP)
@@ -177,6 +180,20 @@ def _live(side: _Side) -> Iterator[ast.AST]:
     for function in side.functions:
         for statement in _reached(function.body):
             yield from _below(statement)
+
+
+def _always(side: _Side, names: set[str]) -> set[str]:
+    """Of these functions the ones that are called whatever was read, and not only under a condition."""
+    found: set[str] = set()
+    waiting: list[ast.AST] = [item for function in side.functions for item in _reached(function.body)]
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, ast.Call) and _name(node) in names:
+            found.add(_name(node))
+        whole = not isinstance(node, ast.If | ast.IfExp | ast.BoolOp | ast.While | ast.Match | ast.ExceptHandler)
+        first = [getattr(node, name) for name in ("test", "subject") if hasattr(node, name)]
+        waiting += ast.iter_child_nodes(node) if whole else first + getattr(node, "values", [])[:1]
+    return found
 
 
 def _below(node: ast.AST) -> Iterator[ast.AST]:
@@ -208,11 +225,20 @@ def _invents(before: _Side, after: _Side) -> Iterator[Diagnostic]:
         if node.value is not None and _constant(node.value) and ast.dump(node.value) not in names:
             summary = f"the rewrite answers with {display(ast.unparse(node.value), 40)}, which nothing has read"
             yield _placed(after.source, node, summary)
+    if _defaults(after) > _defaults(before):
+        summary = "the rewrite puts a constant in the place of what could not be read (`or`)"
+        yield error(INVENTS, summary, path=PATH, hint=_NO_VALUE)
     read = {name for name, values in _assigned(before).items() if any(_asks(value) for value in values)}
     for name, values in _assigned(after).items():
         if name in read and not any(_asks(value) for value in values):
             summary = f"the rewrite gives {display(name)} a value that it has not read"
             yield _placed(after.source, values[0], summary)
+
+
+def _defaults(side: _Side) -> int:
+    """How often a number or a string of the file stands behind an ``or``, as the value of what is asked before it."""
+    ways = [node for node in _live(side) if isinstance(node, ast.BoolOp) and isinstance(node.op, ast.Or)]
+    return sum(isinstance(each.values[-1], ast.Constant) and each.values[-1].value is not None for each in ways)
 
 
 def _returns(side: _Side) -> Iterator[ast.Return]:
@@ -249,9 +275,15 @@ HIDES = "HEAL-HIDES"
 
 
 def _hides(before: _Side, after: _Side) -> Iterator[Diagnostic]:
-    """Nothing is tried again, kept for a later call or waited for longer; the review judges what is caught."""
+    """Nothing is tried again, kept for later, waited for longer, passed over; the review judges what is caught."""
     hint = "fix what is wrong; where the code is right and the device fails, the status is not_mine"
-    for what, count in (("tries again", _tried_again), ("keeps what was read", _kept), ("waits longer", _waited)):
+    for what, count in (
+        ("tries again", _tried_again),
+        ("keeps what was read", _kept),
+        ("waits longer", _waited),
+        ("leaves a function before its end", _left),
+        ("sends again and again what was sent once", _repeated),
+    ):
         if count(after) > count(before):
             yield error(HIDES, f"the rewrite {what}", path=PATH, hint=hint)
 
@@ -269,6 +301,21 @@ def _tried_again(side: _Side) -> float:
 def _kept(side: _Side) -> float:
     """How many statements let a function assign to a name that outlives the call."""
     return sum(isinstance(node, ast.Global | ast.Nonlocal) for node in _live(side))
+
+
+def _left(side: _Side) -> float:
+    """Returns of nothing: whatever stands below them, a check too, is passed over."""
+    return sum(isinstance(node, ast.Return) and node.value is None for node in _live(side))
+
+
+_SENDS = frozenset({"write", "writelines", "send", "sendall", "sendto", "write_text", "write_bytes"})
+
+
+def _repeated(side: _Side) -> float:
+    """Calls within a loop that send something to a device."""
+    loops = [node for node in _live(side) if isinstance(node, ast.For | ast.While)]
+    calls = {item for loop in loops for item in ast.walk(loop) if isinstance(item, ast.Call)}
+    return sum(_name(call).rpartition(".")[2] in _SENDS for call in calls)
 
 
 def _waited(side: _Side) -> float:

@@ -38,6 +38,39 @@ def unknown_name(value: JsonObject, artifacts: Artifacts) -> Found:
     return found
 
 
+_FIGURE = re.compile(
+    r"(?<![\w.:-])(\d+(?:\.\d+)?)(?:\s?(?:°\s?[CF]\b|V\b)|[\s-](?:degrees?|celsius|volts?|amperes?|amps?|rpm|times)\b)"
+)
+"""A measured amount, or how often something happened, in a sentence."""
+_PLAIN_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
+
+
+def unknown_reading(value: JsonObject, artifacts: Artifacts) -> Found:
+    """Whatever is cited was given, and so was each amount that a sentence states, perhaps rounded."""
+    facts = facts_of(artifacts)
+    found = report_rules.unknown_reading("WATCH-UNKNOWN-READING")(value, artifacts)
+    # What a picture shows (`seen`) is in no reading.
+    prose = [each for each in report_rules.prose_of(value, "") if facts.text and not each[0].endswith("/seen")]
+    figures = [(where, figure) for where, words in prose for figure in _FIGURE.finditer(words)]
+    known = _amounts(value, facts) if figures else set()
+    for where, figure in figures:
+        number, digits = float(figure[1]), len(figure[1].partition(".")[2])
+        if all(abs(each - number) > 0.5 * 10**-digits + 1e-9 for each in known):
+            hint = "state the amounts that the readings and failures of input.json have"
+            summary = f"no reading and no failure has {display(figure[0])}"
+            found.append(error("WATCH-UNKNOWN-READING", summary, pointer=where, hint=hint))
+    return found
+
+
+def _amounts(value: JsonObject, facts: DutyFacts) -> set[float]:
+    """All numbers of the input and of the report's conditions, how far a signal has moved, and how often all failed."""
+    text = f"{facts.text} {[each['condition'] for each in value['claims']]}"
+    rows = [(place_of(row), row["value"]) for row in facts.readings if type(row["value"]) in (int, float)]
+    moved = {abs(one - two) for place, one in rows for other, two in rows if place == other}
+    failed = sum(int(row.get("count") or 0) for row in facts.failures)
+    return {abs(float(each)) for each in _PLAIN_NUMBER.findall(text)} | moved | {float(failed)}
+
+
 def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
     """The status is borne out by what the report itself lists."""
     status, errors = value["status"], value["errors"]
@@ -264,7 +297,7 @@ def _on_frames(value: JsonObject, facts: DutyFacts) -> Iterator[tuple[str, str, 
 
 RULES = (
     Rule("WATCH-UNESCAPED-TEXT", text_rules.in_values("WATCH-UNESCAPED-TEXT")),
-    Rule("WATCH-UNKNOWN-READING", report_rules.unknown_reading("WATCH-UNKNOWN-READING")),
+    Rule("WATCH-UNKNOWN-READING", unknown_reading),
     Rule("WATCH-UNKNOWN-NAME", unknown_name),
     Rule("WATCH-CITES-ELSEWHERE", report_rules.cites_elsewhere("WATCH-CITES-ELSEWHERE")),
     Rule("WATCH-STATUS-CONTRADICTS", status_contradicts),

@@ -287,7 +287,8 @@ class Flow(Deciding):
         calls = [call for each in names for call in self._calls_of.get(each, ())]
         for call in calls:
             found |= self._passed(function, call, name)
-        if names & self._valued or (not calls and function not in self._roots):
+        wrapped = any(last(getattr(each, "func", each)) in self._named for each in function.decorator_list)
+        if wrapped or names & self._valued or (not calls and function not in self._roots):
             found |= Origin.FOUND | Origin.READ
         return found | self._any(defaults(function, name))
 

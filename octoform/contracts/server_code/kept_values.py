@@ -190,6 +190,8 @@ class Kept:
 
     def _is_late(self, place: ast.AST, cell: Cell) -> bool:
         """Whether a store is behind a look whether there is a value, is skipped in silence, or is a thread's."""
+        if isinstance(place, ast.Attribute) and place.attr == "setdefault":
+            return True
         below: ast.AST = place
         for above in self._around(place):
             tested = isinstance(above, ast.If | ast.While | ast.IfExp) and below is not above.test

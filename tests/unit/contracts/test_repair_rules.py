@@ -109,6 +109,15 @@ def test_a_way_to_silence_a_tool_is_refused(old: str, new: str, function: str, c
             "grab",
             "HEAL-HIDES",
         ),
+        ("if heat >= HOTTEST:", "if heat > 100:\n        return\n    if heat >= HOTTEST:", "_check", "HEAL-HIDES"),
+        ('    line.write(b"?")', '    for _ in range(20):\n        line.write(b"?")', "ask", "HEAL-HIDES"),
+        (
+            "        _check(heat)\n",
+            "        if unit != 'elbow':\n            _check(heat)\n",
+            "read_joint",
+            "HEAL-READS-LESS",
+        ),
+        ("line.readline().decode()", "line.readline().decode() or 0", "ask", "HEAL-INVENTS"),
         ("    line.write", "    time.sleep(30)\n    line.write", "ask", "HEAL-HIDES"),
         ("line.readline()", "line.readline(timeout=60)", "ask", "HEAL-HIDES"),
         (
@@ -133,6 +142,9 @@ def test_a_way_to_hide_a_failure_is_refused(old: str, new: str, function: str, c
             "_check",
         ),
         ("    if not ok:", "    if ok is False:", "grab"),
+        ("        _check(heat)\n", "        for each in [heat]:\n            _check(each)\n", "read_joint"),
+        ("    if not ok:", "    if not ok or frame is None:", "grab"),
+        ('line.write(b"?")', 'for part in (b"T", b"?"):\n        pass\n    line.write(b"T?")', "ask"),
         (
             "    ok, frame = camera.read()",
             "    for _ in range(5):\n        camera.grab()\n    ok, frame = camera.read()",

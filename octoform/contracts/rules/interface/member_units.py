@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform.base.escaping import display, escaped
 from octoform.base.pointer import pointer
-from octoform.base.quantities import unit_in, unit_of_name
+from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.interface.subject_rules import known_text
@@ -277,7 +277,9 @@ def _contradicted(name: str, member: Any) -> str | None:
     """What the name of a member contradicts: "unit" for a number, "sense" for a switch, None for nothing."""
     description = member.get("description") if isinstance(member, Mapping) else None
     if _is_number(member):
-        return "unit" if _disagree(name, description) or _is_other_share(name, member) else None
+        whole = unit_of_text(description)  # a description that is a unit and nothing else, however short
+        other = whole is not None and (own := unit_of_name(name)) is not None and own != whole
+        return "unit" if other or _disagree(name, description) or _is_other_share(name, member) else None
     switch = isinstance(member, Mapping) and member.get("type") == "boolean"
     return "sense" if switch and _is_reversed(name, description) else None
 

@@ -26,6 +26,11 @@ _MOVED = re.compile(
     r"|\b(?:it|tool|call|camera|server|which|also|first|then)\s+(?:\w+\s+)?"
     r"(?:turns|moves|drives|rotates|tilts|pans|steers|swings|lowers|raises)\s+(?:the|an?|its|each|every)\b"
 )
+_BEGINS = re.compile(
+    r"(?i)^\W*(?:(?:set|write|move|drive|switch|change|adjust|erase|reset|increase|decrease|dim|rotate|open|close"
+    r"|enable|disable|start|stop)s?|turns?(?: on| off)?)\s+(?:the|an?|its|one|all|each|every)\b"
+)
+"""The verb with which a description of a tool that acts begins."""
 _STOP_WORDS = """
     a an and are as at be been before by call can device devices each every for from get give given gives has have how
     in into is it its list measure no nor not null of on one only or read reads report reports result return returned
@@ -73,6 +78,8 @@ def _moves(tool: JsonObject, text: str) -> str | None:
     """The words by which the description of a reading has something moved."""
     if tool["effect"] != "read":
         return None
+    if begun := _BEGINS.search(text):
+        return begun[0]
     asked = (sentence for sentence in _SENTENCE.split(text) if not _ASKS.search(sentence))
     return next((found[0] for sentence in asked if (found := _MOVED.search(sentence))), None)
 

@@ -103,6 +103,8 @@ def _called(node: ast.expr) -> ast.expr:
 def opens_device(source: Source, call: ast.Call) -> bool:
     """Whether a call opens a device, or a node of one."""
     name = source.dotted(call.func)
+    if name == "os.open" and call.args and _is_below(call.args[0]):
+        return is_node_path(source, call.args[0], call)
     if name in _DOTTED_OPENERS | RUNTIME_TOUCHES or name.rpartition(".")[2] in _OPENERS:
         return True
     if name in _FILE_OPENERS:
@@ -112,10 +114,16 @@ def opens_device(source: Source, call: ast.Call) -> bool:
     return False
 
 
+def _is_below(path: ast.expr) -> bool:
+    """``folder / "brightness"``: an attribute of the kernel, unless the folder is that of nodes."""
+    named = isinstance(path, ast.BinOp) and isinstance(path.op, ast.Div) and isinstance(path.right, ast.Constant)
+    return named or (isinstance(path, ast.Call) and bool(path.args) and _is_below(path.args[0]))
+
+
 def opens_anything(source: Source, call: ast.Call) -> bool:
     """Whether a call opens a file, a device or a program, or looks for a device."""
     name = source.dotted(call.func)
-    if name in _FILE_OPENERS | _RUNTIME_READS or _PROGRAMS.fullmatch(name) or opens_device(source, call):
+    if name in _FILE_OPENERS | _RUNTIME_READS | {"os.open"} or _PROGRAMS.fullmatch(name) or opens_device(source, call):
         return True
     return isinstance(call.func, ast.Attribute) and call.func.attr in _FILE_METHODS and call.func.attr != "open"
 

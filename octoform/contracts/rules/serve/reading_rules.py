@@ -205,6 +205,8 @@ def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonO
 def _names_another(source: Source, roots: list[Function], tool: JsonObject, artifacts: Artifacts) -> str | None:
     """Diagnostics for a tool whose own body has the id of a foreign device."""
     known = {device for each in (artifacts.interface or {"tools": []})["tools"] for device in each["devices"]}
+    # An id of one word or two may be the name of a class as well.
+    known |= {each["id"] for each in (artifacts.probe or {"devices": []})["devices"] if each["id"].count("-") > 1}
     written = {
         node.value
         for node in source.by_kind[ast.Constant]

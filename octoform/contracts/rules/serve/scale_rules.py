@@ -11,11 +11,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from octoform.base.escaping import display, listed
+from octoform.base.quantities import unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records, results_of, with_unit
 from octoform.contracts.rules.serve.value_rules import constant_reading, default_reading, numbers_read
 from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
-from octoform.contracts.server_code.server_source import needed_source, walk
+from octoform.contracts.server_code.server_source import Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 COARSE, OTHERWISE = "SERVE-READING-COARSE", "SERVE-READING-OTHERWISE"
@@ -104,6 +105,9 @@ _KERNEL: tuple[tuple[str, str, _Meaning], ...] = (
     ("iio", r"in_pressure\d*_(?:input|raw)", _Meaning("kPa", 1.0)),
 )
 _INTO = {("degC", "degF"): (1.8, 32.0), ("degC", "K"): (1.0, 273.15), ("kPa", "hPa"): (10.0, 0.0)}
+_APART = {"rpm": ("degC", "V", "A", "W", "kPa"), "degC": ("V", "A", "W", "rpm", "kPa")}
+"""Units in which nothing is that the kernel counts in another one; of a voltage anything may be made."""
+_SECTOR = 512
 _ADDS_UP, _HAS_A_SIGN, _FAR = frozenset({"W", "A"}), frozenset({"degC", "A"}), 100.0
 _AMOUNTS = (15.0, 30.0, 60.0)
 _OF_FAHRENHEIT = 5 / 9
@@ -118,7 +122,7 @@ def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     source = needed_source(value)
     calls = Calls(source, artifacts)
     hint = "return what the attribute means by the kernel's documentation, in the unit of the result"
-    out: dict[ast.AST, Diagnostic] = {}
+    out: dict[ast.AST, Diagnostic] = dict(_misnamed(source, hint))
     written = {str(node.value) for node in source.by_kind[ast.Constant]}
     for tool, function in calls.served.values():
         shifts = any(isinstance(item, ast.RShift) for each in source.entered_from([function]) for item in walk(each))
@@ -134,6 +138,22 @@ def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 out.setdefault(function, source.problem(OTHERWISE, function, summary, hint))
     cause = out and (constant_reading(value, artifacts) or default_reading(value, artifacts))
     return [] if cause else list(out.values())
+
+
+def _misnamed(source: Source, hint: str) -> Iterator[tuple[ast.AST, Diagnostic]]:
+    """Calls of the runtime's reader of hwmon with a scale or a unit that the kernel's channels do not have."""
+    for call, name in source.calls:
+        if name != "runtime.channels.hwmon" or len(call.args) != 4 or call.keywords:
+            continue
+        kind, scale, symbol = (item.value if isinstance(item, ast.Constant) else None for item in call.args[1:])
+        meaning, unit = _meaning(("", "hwmon", f"{kind!s}1_input")), unit_of_text(symbol)
+        if meaning is None or unit is None or not isinstance(scale, int | float):
+            continue
+        if unit != meaning.unit or abs(scale / meaning.one - 1) > _TOLERANCE:
+            summary = (
+                f"it reads {display(kind)} as {scale:g} {unit}, and the kernel counts {meaning.one:g} {meaning.unit}"
+            )
+            yield call, source.problem(OTHERWISE, call, summary, hint)
 
 
 def _channels(artifacts: Artifacts, device: str) -> set[str]:
@@ -163,6 +183,7 @@ def _otherwise(calls: Calls, tool: JsonObject, device: str, shown: set[str], wri
             yield from _misread(name, unit, meaning, len(same), results)
     for key in keys:
         yield from _turned(calls, tool, given, key)
+        yield from _sized(calls, tool, given, key)
         yield from _exchanged(calls, tool, given, key, keys)
 
 
@@ -195,6 +216,8 @@ def _misread(name: str, unit: str | None, meaning: _Meaning, several: int, resul
         one, two, three, *below = (number for number, _ in column)
         rate = (three - one) / (_AMOUNTS[2] - _AMOUNTS[0])
         straight = abs((two - one) / (_AMOUNTS[1] - _AMOUNTS[0]) - rate) <= 0.1 * abs(rate)
+        if shown in _APART.get(meaning.unit, ()) and rate and straight:
+            yield f"in {shown} what the kernel counts in {meaning.unit}"
         if not gain or not rate or not straight:
             continue
         right = [gain * (several if meaning.unit in _ADDS_UP else 1), gain, gain * _OF_FAHRENHEIT]
@@ -214,6 +237,19 @@ def _turned(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) 
         for name in _SENSES.get(key[-1], ()):
             if before.get(name) is True and after.get(name) is False:
                 yield f"{display(name)} as false where the kernel's {display(key[-1])} is 1"
+
+
+def _sized(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) -> Iterator[str]:
+    """A size in bytes that does not follow the sectors of a disk, of which each has 512 bytes whatever it is."""
+    if key[1:2] != ("block",) or key[-1] != "size":
+        return
+    few, more = (_result(calls, tool, given, [key], number) for number in (20_000, 60_000))
+    for one, two in zip(records(few), records(more), strict=False):
+        for name in (each for each in one if isinstance(each, str) and each.endswith("bytes")):
+            if isinstance(one[name], int | float) and isinstance(two.get(name), int | float):
+                rate = (two[name] - one[name]) / 40_000
+                if rate and abs(rate / _SECTOR - 1) > _TOLERANCE:
+                    yield f"as {display(name)} {rate:g} for each sector, which has {_SECTOR} bytes"
 
 
 def _exchanged(

@@ -5,7 +5,7 @@ not there. The gate is before tools alone, so whatever else a server could offer
 """
 
 import ast
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 
 from octoform.base.escaping import display, escaped, listed
@@ -152,6 +152,41 @@ def description_differs(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
+CROSSED = "SERVE-ARGUMENTS-CROSSED"
+
+
+def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A tool passes each argument on under its own name: no two of them in each other's place."""
+    source = needed_source(value)
+    own = {item.name: item for item in source.functions}
+    hint = "pass each argument to the parameter of its own name"
+    out = []
+    for site, tool in served_tools(source, artifacts):
+        taken = {*(tool["input_schema"].get("properties") or {})}
+        roots = tool_functions(source, site) if len(taken) > 1 else []
+        for call, _ in source.calls:
+            if source.owner(call) not in roots:
+                continue
+            pairs = _passed(own, call)
+            crossed = [(one, two) for one, two in pairs if one < two and two in taken and (two, one) in pairs]
+            for one, two in (each for each in crossed if each[0] in taken):
+                summary = f"the tool {display(site.name or '')} passes {display(one)} and {display(two)} in each "
+                out.append(source.problem(CROSSED, call, f"{summary}other's place", hint))
+    return out
+
+
+def _passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
+    """(parameter, name that is passed for it) of a call of a function of the file, or of one that is handed on."""
+    function, given = own.get(getattr(call.func, "id", "")), call.args
+    if function is None and call.args and isinstance(call.args[0], ast.Name):
+        function, given = own.get(call.args[0].id), call.args[1:]  # runtime.child.call(function, ...)
+    if function is None or any(isinstance(item, ast.Starred) for item in given):
+        return set()
+    names = [item.arg for item in (*function.args.posonlyargs, *function.args.args)]
+    pairs = [*zip(names, given, strict=False), *((item.arg or "", item.value) for item in call.keywords)]
+    return {(name, item.id) for name, item in pairs if isinstance(item, ast.Name)}
+
+
 RULES = (
     Rule("SERVE-INTERFACE-WRONG", interface_blamed),
     Rule("SERVE-NO-SERVER", no_server),
@@ -159,6 +194,7 @@ RULES = (
     Rule("SERVE-TOOLS-DIFFER", tools_differ),
     Rule("SERVE-TOOL-NOT-LOGGED", tool_not_logged),
     Rule("SERVE-PASSTHROUGH", passthrough),
+    Rule(CROSSED, arguments_crossed),
     Rule("SERVE-DESCRIPTION-DIFFERS", description_differs),
 )
 

@@ -12,6 +12,7 @@ from functools import lru_cache
 
 from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.movement_words import is_time
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
 from octoform.contracts.rules.serve.reading_rules import does_nothing, flow_of_tools
@@ -153,7 +154,7 @@ def sets_nothing(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """A tool uses which device its caller names, and where it sets something, all that its caller passes."""
+    """A tool uses which device its caller names, and all else that its caller passes."""
     source = needed_source(value)
     hint = "use it for what INTERFACE declares, or report in interface-errors that the device takes no such argument"
     out = []
@@ -161,17 +162,30 @@ def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         functions = tool_functions(source, site)
         idle = any(does_nothing(source, item) for item in functions) or _sets_nothing(source, tool, functions)
         declared = {"device"} if len(tool["devices"]) > 1 else set()
-        declared |= (
-            set() if tool["effect"] == "read" else {*(tool["input_schema"].get("properties") or {})} - {"device"}
-        )
+        declared |= {*(tool["input_schema"].get("properties") or {})} - {"device"}
         for function in () if idle else functions:
             inside = [item for part in function.body for item in walk(part)]
             loaded = {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load)}
             given = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
-            for name in (item for item in given if item.arg in declared - loaded and "locals" not in loaded):
+            unused = {each for each in declared - loaded if tool["effect"] != "read" or _binds(tool, each, loaded)}
+            for name in (item for item in given if item.arg in unused and "locals" not in loaded):
                 summary = f"{display(name.arg)} changes nothing in the tool {display(site.name or '')}"
                 out.append(source.problem(UNUSED, name, summary, hint))
     return out
+
+
+_WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
+
+
+def _binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
+    """Whether a reading has to go by an argument: a limit in time, and a number where others of its kind are used.
+
+    A choice and a wish may be as the device has them.
+    """
+    members = tool["input_schema"].get("properties") or {}
+    member = members[name] if isinstance(members[name], dict) else {}
+    counts = member.get("type") in ("integer", "number") and bool(loaded & members.keys() - {"device"})
+    return name == "device" or is_time(name) or (counts and not _WISHED.search(member.get("description", "")))
 
 
 def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -193,11 +207,16 @@ def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 def failure_hidden(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool that could not set something fails: it does not return as if it had."""
     source = needed_source(value)
+    flow = flow_of_tools(source, artifacts)
     hint = "let the error pass, or raise ToolError with what failed"
     out: dict[ast.AST, Diagnostic] = {}
+    handlers: list[ast.AST]
     for site, used in _acting(source, artifacts):
         tries = [item for item in source.by_kind[ast.Try] if source.owner(item) in used and _may_act(source, item)]
-        for handler in (each for item in tries for each in item.handlers if _returns_all_the_same(each)):
+        handlers = [each for item in tries for each in item.handlers if _returns_all_the_same(each)]
+        handlers += [each for item in tries for each in _goes_on(source, flow, item)]
+        handlers += _suppressing(source, flow, used)
+        for handler in handlers:
             summary = f"the tool {display(site.name or '')} returns a result although what it did has failed"
             out.setdefault(handler, source.problem(HIDDEN, handler, summary, hint))
     return list(out.values())
@@ -260,6 +279,47 @@ def _returns_all_the_same(handler: ast.ExceptHandler) -> bool:
     is_known = any(isinstance(item, ast.Name) and item.id == handler.name for item in inside)
     returns = any(isinstance(item, ast.Return) and item.value is not None for item in inside)
     return returns and not is_known and not any(isinstance(item, ast.Raise) for item in inside)
+
+
+def _goes_on(source: Source, flow: Flow, node: ast.Try) -> Iterator[ast.ExceptHandler]:
+    """The handlers of a try that sets what the caller passes, after which a call goes on as if it had been set."""
+    if not _sets_what_was_passed(source, flow, node.body) or _is_judged(source, node):
+        return
+    for handler in node.handlers:
+        kinds = handler.type.elts if isinstance(handler.type, ast.Tuple) else [handler.type] if handler.type else []
+        quiet = all(isinstance(item, ast.Pass) or _is_a_note(source, item) for item in handler.body)
+        if quiet and not (kinds and all(last(item) in _OF_VALUES for item in kinds)):
+            yield handler
+
+
+def _suppressing(source: Source, flow: Flow, used: list[Function]) -> Iterator[ast.AST]:
+    """The blocks that suppress the failure of what sets what the caller passes."""
+    for node in source.by_kind[ast.With]:
+        items = [item.context_expr for item in node.items]
+        suppresses = any(source.dotted(item).startswith("contextlib.suppress") for item in items)
+        if suppresses and source.owner(node) in used and not _is_judged(source, node):
+            yield from [node] if _sets_what_was_passed(source, flow, node.body) else ()
+
+
+def _sets_what_was_passed(source: Source, flow: Flow, body: list[ast.stmt]) -> bool:
+    calls = [item for part in body for item in walk(part) if isinstance(item, ast.Call)]
+    acting = (call for call in calls if not only_reads(source, call, source.dotted(call.func)))
+    return any(flow.of(item) & Origin.ARGUMENT for call in acting for item in call.args)
+
+
+def _is_a_note(source: Source, statement: ast.stmt) -> bool:
+    """``logging.warning(...)``: it reaches no caller."""
+    call = statement.value if isinstance(statement, ast.Expr) else None
+    return isinstance(call, ast.Call) and source.dotted(call.func).startswith(("logging.", "warnings.", "print"))
+
+
+def _is_judged(source: Source, node: ast.stmt) -> bool:
+    """Whether it is tried again, or something after it may end the call with an error."""
+    owner = source.owner(node)
+    if any(isinstance(above, ast.For | ast.While) for above, _ in source.above(node)):
+        return True
+    later = (item for item in walk(owner) if getattr(item, "lineno", 0) > (node.end_lineno or 0)) if owner else ()
+    return any(isinstance(item, ast.Raise | ast.Assert) for item in later)
 
 
 def _acts(node: ast.AST, has_units: bool) -> str | None:
