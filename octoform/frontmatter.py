@@ -57,7 +57,8 @@ def read(path: Path, code: str, names: frozenset[str] = ALL) -> tuple[Document |
     try:
         data = files.head(path, MAX_BYTES + 1, follow=True)
     except OSError as reason:
-        hint = "replace it by a text file that this user may read"
+        closed = isinstance(reason, PermissionError)
+        hint = "ask its owner for the right to read it" if closed else "replace it by a text file"
         return None, [error(code, f"the file cannot be read: {reason.strerror}", path=str(path), hint=hint)]
     if len(data) > MAX_BYTES:
         return None, [error(code, f"the file is larger than {MAX_BYTES} bytes", path=str(path), hint="shorten it")]

@@ -148,11 +148,11 @@ def read(path: Path, report: ProblemList) -> bytes | None:
         report.error("MANIFEST-NOT-FOUND", f"there is no {path.name} here", hint=_where_else(path))
         return None
     except OSError as problem:
-        report.error(
-            "MANIFEST-UNREADABLE",
-            f"the manifest cannot be read: {problem.strerror or problem}",
-            hint=f"`ls -l {path.name}` shows what it is; replace it by a text file that this user may read",
-        )
+        cure = "replace it by a text file"
+        if isinstance(problem, PermissionError):
+            cure = "ask its owner for the right to read it, and to look into its folder"
+        summary = f"the manifest cannot be read: {problem.strerror or problem}"
+        report.error("MANIFEST-UNREADABLE", summary, hint=f"`ls -l {path.name}` shows what it is; {cure}")
         return None
     if len(content) > LIMIT:
         report.error(

@@ -1,5 +1,6 @@
 """The values of a loaded manifest: defaults, stages laid over general settings, digests, references."""
 
+import errno
 import os
 import re
 import subprocess
@@ -11,7 +12,7 @@ import pytest
 
 from octoform.harness.adapters import command as command_harness
 from octoform.harness.port import Task, TaskLimits
-from octoform.manifest import model
+from octoform.manifest import model, problem_list
 from octoform.manifest.loader import load
 from octoform.manifest.model import KEEPERS, Budget, Daemon, HarnessSpec, Manifest, Notify
 from octoform.manifest.references import contains, malformed, names, resolve, resolve_argument
@@ -178,6 +179,15 @@ def test_what_is_no_file_is_refused_without_waiting(tmp_path: Path) -> None:
             ("MANIFEST-UNREADABLE", f"the manifest cannot be read: {words}")
         ]
         assert found[0].hint is not None and f"ls -l {name}" in found[0].hint
+
+
+def test_who_may_not_read_it_is_sent_to_its_owner(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def closed(path: Path, *_: object, **__: object) -> bytes:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(problem_list, "head", closed)
+    _, (found,) = load(tmp_path / "octopus.yaml", {})
+    assert found.hint is not None and "ask its owner" in found.hint and "replace" not in found.hint
 
 
 def test_references() -> None:
