@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 
 from octoform.base.escaping import display
 from octoform.contracts.device_kinds import KINDS, visible_kinds
-from octoform.contracts.model import Artifacts, JsonObject
+from octoform.contracts.model import Artifacts, JsonObject, effects_of
 from octoform.contracts.name_clues import is_class_word, is_filler, kind_of
 
 _SENTENCE = re.compile(r"(?<=[.!?;:])\s+|\n+")
@@ -55,7 +55,7 @@ def problems(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]
     own = known_text(tool, artifacts)
     if not own:
         return
-    if found := _moves(tool, text):
+    if found := _moves(tool, text, artifacts):
         yield (
             f"has {display(found)}, and its capability reads",
             "describe what it reads; what moves acts",
@@ -74,9 +74,9 @@ def problems(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]
         )
 
 
-def _moves(tool: JsonObject, text: str) -> str | None:
-    """The words by which the description of a reading has something moved."""
-    if tool["effect"] != "read":
+def _moves(tool: JsonObject, text: str, artifacts: Artifacts) -> str | None:
+    """The words by which the description of a reading has something moved; none where the effect is what is wrong."""
+    if tool["effect"] != "read" or effects_of(artifacts).get(tool["capability"], "read") != "read":
         return None
     if begun := _BEGINS.search(text):
         return begun[0]
