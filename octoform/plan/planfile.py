@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
+from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.graph.model import Graph, Node, key_of, key_parts
 from octoform.plan import model
@@ -18,6 +19,9 @@ from octoform.plan.model import Action, Plan
 from octoform.records import dataclass
 
 _HINT = "save one with `octoform plan -out FILE`"
+
+
+KIND: Literal["octoform plan"] = "octoform plan"
 
 
 class Unit(BaseModel):
@@ -36,7 +40,7 @@ class PlanFile(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True, defer_build=True)
 
     format: Literal[1] = 1
-    kind: Literal["octoform plan"] = "octoform plan"
+    kind: Literal["octoform plan"] = KIND
     octoform: str
     host: str
     lineage: str | None
@@ -112,6 +116,15 @@ def read(data: bytes, path: str) -> tuple[PlanFile | None, list[Diagnostic]]:
         detail = f"it does not fit at {place}" if place else "it is cut off, edited or another file"
         return None, [error("PLAN-NOT-A-PLAN", "this is not a saved plan", path=path, detail=detail, hint=_HINT)]
     return saved, []
+
+
+def is_one(data: bytes) -> bool:
+    """Whether a file is a saved plan, even of another version or with members that do not fit."""
+    try:
+        document = parse(data)
+    except ValueError:
+        return False
+    return isinstance(document, dict) and document.get("kind") == KIND
 
 
 def unread(path: str, problem: Diagnostic | None) -> Diagnostic:

@@ -215,7 +215,7 @@ _WIDE = re.compile(r"\d{3,}|\*")
 def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
     """Whether an operation on plain values ends at once: nothing is repeated, raised or padded without end."""
     name = getattr(function, "__name__", "")
-    if function not in _GROWING and name not in _GROWING_METHODS:
+    if function not in _UNBOUNDED and name not in _UNBOUNDED_METHODS:
         return True
     numbers = [item for item in given if isinstance(item, (int, float))]
     texts = [item for item in given if isinstance(item, (str, bytes))]
@@ -230,5 +230,6 @@ def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
     return all(abs(item) <= _MAX_LENGTH for item in numbers)
 
 
-_GROWING = (operator.pow, operator.lshift, operator.mul, operator.mod, round, range)
-_GROWING_METHODS = ("format", "zfill", "ljust", "rjust")
+_UNBOUNDED = (operator.pow, operator.lshift, operator.mul, operator.mod, round, range)
+_UNBOUNDED_METHODS = ("format", "zfill", "ljust", "rjust")
+"""The operations whose result may be far larger than what they are given."""

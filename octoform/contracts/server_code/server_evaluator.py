@@ -386,7 +386,7 @@ class Evaluator:
         if name == "print" and isinstance(named.get("file"), OpenFile):
             text = " ".join(map(str, given)) if all(map(is_plain, given)) else None
             return self._outer.write(named["file"].place, text, node)
-        if name in _OF_PLACES and given and isinstance(given[0], (Place, OpenFile)):
+        if name in _PATH_CALLS and given and isinstance(given[0], (Place, OpenFile)):
             return OpenFile(given[0]) if name.endswith("open") and isinstance(given[0], Place) else given[0]
         if name in PLAIN:
             whole = all(map(is_plain, (*given, *named.values())))
@@ -464,7 +464,7 @@ def ways(make: Callable[[list[bool]], _Evaluator], most: int, *, whole: bool = F
         raise Unsure
 
 
-_OF_PLACES = frozenset({"open", "io.open", "pathlib.Path", "str", "os.fspath"})
+_PATH_CALLS = frozenset({"open", "io.open", "pathlib.Path", "str", "os.fspath"})
 _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.Assign: Evaluator._assign, ast.AnnAssign: Evaluator._assign, ast.AugAssign: Evaluator._add},
     **{ast.Return: Evaluator._return, ast.If: Evaluator._if, ast.For: Evaluator._for, ast.While: Evaluator._while},

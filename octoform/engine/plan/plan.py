@@ -194,7 +194,7 @@ def make_plan(request: Request, out: Path | None = None) -> PlanResult:
 def _in_the_way(out: Path) -> Diagnostic | None:
     """What is in the place of a plan to be saved and would be lost; a former plan and an empty file may be."""
     data, problem = read_regular(out)
-    if problem is None and (not data or planfile.read(data, str(out))[0] is not None):
+    if problem is None and (not data or planfile.is_one(data)):
         return None
     hint = "what is there stays; give the plan another name"
     return error("PLAN-NOT-A-PLAN", "the file in its place is not a saved plan", path=str(out), hint=hint)

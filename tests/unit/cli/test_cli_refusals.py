@@ -153,7 +153,8 @@ def test_a_plan_is_saved_over_no_other_file(tmp_path: Path) -> None:
         assert done.returncode == 1 and "error[PLAN-NOT-A-PLAN]" in done.stderr, (path, done.stderr)
     assert (tmp_path / "octopus.yaml").read_bytes() == manifest and (tmp_path / "link").is_symlink()
     (tmp_path / "empty").touch()
-    for path in ("new", "new", "empty"):
+    (tmp_path / "former").write_text('{"format": 0, "kind": "octoform plan"}')
+    for path in ("new", "new", "empty", "former"):
         assert octoform(tmp_path, "plan", "-out", path).returncode == 0
         assert octoform(tmp_path, "show", path).returncode == 0
 

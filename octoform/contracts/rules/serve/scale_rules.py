@@ -243,11 +243,12 @@ def _sized(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) -
     """A size in bytes that does not follow the sectors of a disk, of which each has 512 bytes whatever it is."""
     if key[1:2] != ("block",) or key[-1] != "size":
         return
-    few, more = (_result(calls, tool, given, [key], number) for number in (20_000, 60_000))
+    less, most = 20_000, 60_000
+    few, more = (_result(calls, tool, given, [key], number) for number in (less, most))
     for one, two in zip(records(few), records(more), strict=False):
         for name in (each for each in one if isinstance(each, str) and each.endswith("bytes")):
             if isinstance(one[name], int | float) and isinstance(two.get(name), int | float):
-                rate = (two[name] - one[name]) / 40_000
+                rate = (two[name] - one[name]) / (most - less)
                 if rate and abs(rate / _SECTOR - 1) > _TOLERANCE:
                     yield f"as {display(name)} {rate:g} for each sector, which has {_SECTOR} bytes"
 

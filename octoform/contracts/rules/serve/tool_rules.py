@@ -170,8 +170,9 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             pairs = _passed(own, call)
             crossed = [(one, two) for one, two in pairs if one < two and two in taken and (two, one) in pairs]
             for one, two in (each for each in crossed if each[0] in taken):
-                summary = f"the tool {display(site.name or '')} passes {display(one)} and {display(two)} in each "
-                out.append(source.problem(CROSSED, call, f"{summary}other's place", hint))
+                names = f"{display(one)} and {display(two)}"
+                summary = f"the tool {display(site.name or '')} passes {names} in each other's place"
+                out.append(source.problem(CROSSED, call, summary, hint))
     return out
 
 

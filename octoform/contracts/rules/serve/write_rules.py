@@ -180,7 +180,7 @@ _WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possibl
 def _binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
     """Whether a reading has to go by an argument: a limit in time, and a number where others of its kind are used.
 
-    A choice and a wish may be as the device has them.
+    A choice, or a number that its description calls a wish, need not be used: the device may decide.
     """
     members = tool["input_schema"].get("properties") or {}
     member = members[name] if isinstance(members[name], dict) else {}
