@@ -105,10 +105,6 @@ for name, expression in {
 SERVE_RIGHT: dict[str, Any] = {
     f"set: {name}": case
     for name, case in {
-        "a light with ten steps": light(sets("round(percent / 10)")),
-        "a light of 255 steps": light(sets("round(255 * percent / 100)")),
-        "a light with steps that are named": all_of(adds("STEPS = 4095"), light(sets("round(STEPS * percent / 100)"))),
-        "a light that is on or off": light(sets("1 if percent >= 50 else 0")),
         "all of it, by an object": all_of(adds(LAMP), light("Lamp(folder, maximum).shine(percent)")),
         "an object that turns, in both tools": all_of(
             adds(LAMP),
@@ -342,5 +338,87 @@ SERVE_RIGHT |= {
             ),
             read_by("value = Sensor(runtime.device('hwmon-benchtemp').path('hwmon')).celsius", "value"),
         ),
+    }.items()
+}
+
+
+def lit(percent: str = "round(100 * level / maximum, 1)", before: str = LAMPS) -> Any:
+    """`read_brightness` with this percentage, after these statements."""
+    lamp = f"Light(name='panel', percent={percent}, level=level, maximum=maximum)"
+    return body("read_brightness", f"{before}level = {NOW}\nreturn Lights(device=device, lights=[{lamp}])")
+
+
+def led(value: str, most: str = "maximum") -> Any:
+    """`set_led` with this level."""
+    return body(
+        "set_led",
+        "folder = runtime.device(device, actuate=True).path('leds')\n"
+        f"maximum = int((folder / 'max_brightness').read_text())\n{sets(value)}\nlevel = {NOW}\n"
+        f"lamp = Light(name=led, percent=100 * level / {most}, level=level, maximum=maximum)\n"
+        "return Lights(device=device, lights=[lamp])",
+    )
+
+
+FIXED = "folder = runtime.device(device).path('backlight')\nmaximum = 255\n"
+TABLE = "STEPS = {{'backlight-panel': 100, 'backlight-panel2': {}}}"
+SERVE_WRONG |= {
+    f"steps: {name}": case
+    for name, case in {
+        "ten of a hundred": light(sets("round(percent / 10)")),
+        "those of a byte": light(sets("round(255 * percent / 100)")),
+        "those of a byte, by a factor": light(sets("int(percent * 2.55)")),
+        "those of a byte, in sixteens": light(sets("0xff * int(percent) // 100")),
+        "named ones": all_of(adds("STEPS = 4095"), light(sets("round(STEPS * percent / 100)"))),
+        "on or off of a hundred": light(sets("1 if percent >= 50 else 0")),
+        "by the default of a function": all_of(
+            adds("def scaled(percent, maximum=255):\n    return round(maximum * percent / 100)"),
+            light(sets("scaled(percent)")),
+        ),
+        "by a member of an object": all_of(
+            adds(
+                "class Lamp:\n    def __init__(self, steps=937):\n        self.steps = steps\n\n"
+                "    def shine(self, folder, share):\n"
+                "        (folder / 'brightness').write_text(f'{self.steps * share:.0f}')"
+            ),
+            light("Lamp().shine(folder, percent / 100)"),
+        ),
+        "other ones of the second device": all_of(
+            adds(TABLE.format(255)), light(sets("round(STEPS[device] * percent / 100)"))
+        ),
+        "other ones where it is the second device": light(
+            f"top = 100 if device == 'backlight-panel' else 1023\n{sets('round(top * percent / 100)')}"
+        ),
+        "in both tools": all_of(
+            light(sets("round(255 * percent / 100)"), percent="100 * level / 255"), lit("100 * level / 255")
+        ),
+        "in both tools, by one number": all_of(
+            adds("FULL = 1500"),
+            light(sets("round(FULL * percent / 100)"), percent="100 * level / FULL"),
+            lit("round(100 * level / FULL)"),
+        ),
+        "of the reading alone": lit("round(100 * level / 255, 1)"),
+        "of the reading, as its maximum": lit(before=FIXED),
+        "a share for a percentage": lit("level / maximum"),
+        "of an LED, as if it had a hundred": led("round(percent)"),
+        "of an LED, in tenths": led("round(1000 * percent / 100)"),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"steps: {name}": case
+    for name, case in {
+        "a hundred, as it has them": light(sets("round(percent)")),
+        "a hundred of each": all_of(adds(TABLE.format(100)), light(sets("round(STEPS[device] * percent / 100)"))),
+        "a hundred in both tools": all_of(light(sets("round(percent)"), percent="level"), lit("float(level)")),
+        "those of a byte, as the LED has them": led("round(255 * percent / 100)", "255"),
+        "truncated ones of an LED": led("int(percent * maximum) // 100"),
+        "what the kernel measures": lit(
+            "round(100 * level / maximum, 1)",
+            f"{LAMPS}actual = int((folder / 'actual_brightness').read_text())\n",
+        ),
+        "never wholly dark": light(sets("max(1, round(maximum * percent / 100))")),
+        "the dark end refused": light(
+            f"if percent < 1:\n    raise ToolError('at least one percent')\n{sets('round(maximum * percent / 100)')}"
+        ),
+        "none where there is no maximum": lit("round(100 * level / maximum, 1) if maximum else 0.0"),
     }.items()
 }

@@ -3,6 +3,7 @@
 import ast
 import contextlib
 import itertools
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -10,7 +11,7 @@ from octoform.base.quantities import unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.rules.serve.write_rules import only_reads
-from octoform.contracts.server_code.computed_values import Failed, Unsure, World
+from octoform.contracts.server_code.computed_values import Failed, Key, Unsure, World
 from octoform.contracts.server_code.server_evaluator import Evaluator, ways
 from octoform.contracts.server_code.server_source import Function, Source
 
@@ -148,3 +149,18 @@ def with_unit(value: Any, name: str, unit: str | None) -> list[tuple[float, str 
         for record in records(value)
         for number in numbers_of({name: record.get(name)}, name)
     ]
+
+
+_MAXIMUM = re.compile(r"\bmax_brightness\b\W{1,3}(\d{1,9})\b")
+
+
+def is_level(key: Key) -> bool:
+    """Whether an attribute is the level of a light, which goes up to the `max_brightness` beside it."""
+    return key[1:2] in (("backlight",), ("leds",)) and key[-1] == "brightness"
+
+
+def maxima_of_lights(artifacts: Artifacts, device: str) -> list[float]:
+    """Every `max_brightness` that PROBE shows of a device."""
+    devices = (artifacts.probe or {"devices": []})["devices"]
+    texts = [each.get("raw_descriptor", "") for each in devices if each["id"] == device]
+    return sorted({float(found[1]) for text in texts for found in _MAXIMUM.finditer(text)} - {0.0})

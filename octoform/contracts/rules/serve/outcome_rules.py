@@ -13,7 +13,7 @@ from typing import Any
 from octoform.base.escaping import display
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject
-from octoform.contracts.rules.serve.computed_calls import Calls, arguments, numbers_of
+from octoform.contracts.rules.serve.computed_calls import Calls, arguments, is_level, maxima_of_lights, numbers_of
 from octoform.contracts.rules.serve.tool_rules import readings_of
 from octoform.contracts.rules.serve.value_rules import numbers_read
 from octoform.contracts.server_code.computed_values import Spent, Unsure, World
@@ -31,6 +31,7 @@ def _stored(statement: ast.Assign) -> set[str]:
     return {item.id for target in statement.targets for item in walk(target) if isinstance(item, ast.Name)}
 
 
+_MAX_DEVICES = 8
 _Example = tuple[ast.Call, float, float]
 
 
@@ -49,11 +50,25 @@ def _tried(member: Mapping[str, Any]) -> list[float]:
 class _Setting:
     """One argument of a tool that sets, and one reading of the same quantity on the same device."""
 
-    def __init__(self, calls: Calls, tool: JsonObject, reading: JsonObject, name: str) -> None:
+    def __init__(self, calls: Calls, tool: JsonObject, reading: JsonObject, name: str, device: str) -> None:
         self._calls, self._tool, self._reading, self._name = calls, tool, reading, name
-        self._device = next(item for item in tool["devices"] if item in reading["devices"])
+        self._device = device
         self._member = tool["input_schema"]["properties"][name]
         self._range = abs(self._member["maximum"] - self._member["minimum"])
+        self._shown: list[float] = []
+        """The maxima of the device's lights where PROBE shows them: no other number explains what is written then."""
+
+    def show(self, maxima: list[float]) -> tuple[Any, ...]:
+        """Use these maxima as those of the device; the result differs where another device is written otherwise."""
+        if not maxima:
+            return ()
+        tried = _tried(self._member)[-2]
+        given = next(arguments(self._tool, self._device, self._name)) | {self._name: tried}
+        world = self._calls.world(maxima[-1], maxima[-1] / 2, {})
+        after = [after for after, _ in self._calls.outcomes(self._tool["name"], given, world)]
+        if any(is_level(key) for each in after for key in each.written):
+            self._shown = maxima
+        return (*maxima, *(each.stored[key] for each in after for key in each.written))
 
     def wrong(self) -> _Example | None:
         """(write, argument, what is read then) of an example; None where some numbers of the device make it right."""
@@ -68,7 +83,10 @@ class _Setting:
         return example
 
     def _kinds(self) -> Iterator[tuple[float, float]]:
-        """(maximum, usual number) of the devices that are made up."""
+        """(maximum, usual number) of the devices that are made up; of the real one where PROBE shows it."""
+        if self._shown:
+            yield from ((each, each / 2) for each in self._shown)
+            return
         yield from ((1000.0, 500.0), (255.0, 100.0))
         asks = self._asks()
         yield from ((each, each) for each in self._constants() if each >= _FINE or not asks)
@@ -109,7 +127,8 @@ class _Setting:
                 if found is None:
                     continue
                 node, shown, step = found
-                if abs(shown - given) <= max(_TOLERANCE * self._range, 0.51 * step):
+                # A level of a light whose steps are known may be rounded down.
+                if abs(shown - given) <= max(_TOLERANCE * self._range, (1.01 if self._shown else 0.51) * step):
                     return True
                 example = example or (node, float(given), shown)
         return example or False
@@ -119,8 +138,8 @@ class _Setting:
         best = None
         for call in arguments(self._reading, self._device):
             for key, node in after.written.items():
-                plain = self._shown(after, call, {})
-                moved = [self._shown(after, call, {key: more}) for more in _moved(after.stored[key])]
+                plain = self._read_then(after, call, {})
+                moved = [self._read_then(after, call, {key: more}) for more in _moved(after.stored[key])]
                 if not plain or all(each == plain for each in moved):
                     continue
                 shown = min(plain, key=lambda each: abs(each - given))
@@ -129,7 +148,7 @@ class _Setting:
                     best = node, shown, step
         return best
 
-    def _shown(self, after: World, call: Mapping[str, Any], changed: Mapping[tuple[str, ...], str]) -> list[float]:
+    def _read_then(self, after: World, call: Mapping[str, Any], changed: Mapping[tuple[str, ...], str]) -> list[float]:
         world = World(after.usual, after.left, {**after.stored, **changed})
         results = [value for _, value in self._calls.outcomes(self._reading["name"], call, world)]
         return [number for value in results for number in numbers_of(value, self._name)]
@@ -153,6 +172,21 @@ def _is_same(tool: JsonObject, reading: JsonObject, name: str, member: Any) -> b
     return name in found and len(units) <= 1
 
 
+def _misset(calls: Calls, tool: JsonObject, reading: JsonObject, name: str, artifacts: Artifacts) -> _Example | None:
+    """An example of one argument, of the first device and of each on which something else is written."""
+    seen: set[tuple[Any, ...]] = set()
+    for device in [item for item in tool["devices"] if item in reading["devices"]][:_MAX_DEVICES]:
+        setting = _Setting(calls, tool, reading, name, device)
+        kind = setting.show(maxima_of_lights(artifacts, device))
+        if kind in seen:
+            continue
+        seen.add(kind)
+        found = setting.wrong()
+        if found is not None:
+            return found
+    return None
+
+
 def set_not_read(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """What a tool sets is what is read afterwards: whole, not capped before INTERFACE's maximum, not put back."""
     source = needed_source(value)
@@ -169,7 +203,7 @@ def set_not_read(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 if not _is_same(tool, reading, name, member) or not _tried(member):
                     continue
                 try:
-                    found = _Setting(calls, tool, reading, name).wrong()
+                    found = _misset(calls, tool, reading, name, artifacts)
                 except Unsure:
                     continue
                 except Spent:

@@ -13,7 +13,15 @@ from typing import Any, NamedTuple
 from octoform.base.escaping import display, listed
 from octoform.base.quantities import unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records, results_of, with_unit
+from octoform.contracts.rules.serve.computed_calls import (
+    Calls,
+    arguments,
+    is_level,
+    maxima_of_lights,
+    records,
+    results_of,
+    with_unit,
+)
 from octoform.contracts.rules.serve.value_rules import constant_reading, default_reading, numbers_read
 from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
 from octoform.contracts.server_code.server_source import Source, needed_source, walk
@@ -125,10 +133,12 @@ def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     out: dict[ast.AST, Diagnostic] = dict(_misnamed(source, hint))
     written = {str(node.value) for node in source.by_kind[ast.Constant]}
     for tool, function in calls.served.values():
+        lights = {each: maxima_of_lights(artifacts, each) for each in tool["devices"]}
         shifts = any(isinstance(item, ast.RShift) for each in source.entered_from([function]) for item in walk(each))
         for device in tool["devices"][:_MAX_DEVICES] if tool["effect"] == "read" and not shifts else ():
             try:
                 summary = next(_otherwise(calls, tool, device, _channels(artifacts, device), written), None)
+                summary = summary or next(_undimmed(calls, tool, device, lights[device]), None)
             except Unsure:
                 continue
             except Spent:
@@ -251,6 +261,28 @@ def _sized(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) -
                 rate = (two[name] - one[name]) / (most - less)
                 if rate and abs(rate / _SECTOR - 1) > _TOLERANCE:
                     yield f"as {display(name)} {rate:g} for each sector, which has {_SECTOR} bytes"
+
+
+def _undimmed(calls: Calls, tool: JsonObject, device: str, maxima: Sequence[float]) -> Iterator[str]:
+    """A percentage of a light that is 100 neither at the maximum that PROBE shows nor, where it is turned, at 0."""
+    units = [name for name, unit in numbers_read(tool.get("output_schema") or {}) if unit == "%"]
+    if not maxima or not units:
+        return
+    given = next(arguments(tool, device))
+    first = next(calls.outcomes(tool["name"], given, calls.world(1000.0, 500.0, {})), None)
+    keys = [key for key in first[0].read if key[1:2] in (("backlight",), ("leds",))] if first is not None else []
+    levels = [key for key in keys if is_level(key)]
+    for name in units if levels else ():
+        tops = []
+        for most in maxima:
+            whole = {key: f"{most:g}" for key in keys if "brightness" in key[-1]}
+            both = results_of(calls, tool, given, [whole | dict.fromkeys(levels, "0"), whole])
+            numbers = [[number for number, _ in with_unit(each, name, "%")] for each in both]
+            pairs = [*zip(*numbers, strict=False)] if len(numbers) == 2 else []
+            tops += [(most, max(pair)) for pair in pairs if pair[0] != pair[1]]
+        if tops and all(abs(top - 100) > _TOLERANCE * 100 for _, top in tops):
+            most, top = tops[0]
+            yield f"a {display(name)} of {top:g} where the light is at its maximum, which PROBE shows as {most:g}"
 
 
 def _exchanged(
