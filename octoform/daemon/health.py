@@ -143,7 +143,7 @@ def compose(
         facts.uptime,
         max((each.status for each in ill), key=ORDER.index, default=Status.HEALTHY),
         tuple(ill),
-        len(reporting(latest.values())),
+        len(reporting(latest.values())) if facts.applied else 0,  # what a destroyed endpoint read, no one reads now
         tuple(f"{source}{path}" for source, path, _ in quiet),
         tuple(each.id for each in standing),
         tuple(each.id for each in pending),

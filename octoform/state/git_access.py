@@ -12,6 +12,7 @@ command outside a repository nor a plan without a commit since the last apply pa
 
 import os
 import re
+import stat
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,8 +39,13 @@ _FIXED = {
     "GIT_NO_REPLACE_OBJECTS": "1",
     "GIT_EDITOR": ":",
 }
-_INHERITED = ("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE")
-"""The variables with which a calling git, as in a hook, names its own repository."""
+_INHERITED = (
+    *("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_COMMON_DIR", "GIT_OBJECT_DIRECTORY", "GIT_SHALLOW_FILE"),
+    *("GIT_ALTERNATE_OBJECT_DIRECTORIES", "GIT_QUARANTINE_PATH", "GIT_INTERNAL_SUPER_PREFIX", "GIT_NAMESPACE"),
+    *("GIT_ICASE_PATHSPECS", "GIT_GLOB_PATHSPECS", "GIT_NOGLOB_PATHSPECS"),
+)
+"""The variables with which a calling git, as in a hook, names its own repository, and those that say how names of files
+are read: none of them is about the repository that is asked for. With GIT_DIR git would also not check its owner."""
 _PROGRAM = (
     r"(?s)(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)"
@@ -134,6 +140,9 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
     ``environment`` is that of the call. OSError where there is no git, RepositoryRefused where a program cannot be
     switched off.
     """
+    blocking = _blocking(Path(root))
+    if blocking is not None:
+        raise RepositoryRefused(f"{blocking!r} is a pipe or a device, and git would wait for it")
     words = ["git", "-C", str(Path(root).absolute()), "--no-pager", "--no-optional-locks"]
     for setting in _OFF:
         words += ["-c", setting]
@@ -147,6 +156,31 @@ def command(root: str, environment: Mapping[str, str]) -> list[str]:
         neutral = "false" if key.endswith(".required") else _PLAIN.get(key, "")
         words += ["-c", f"{key}={own.get(key, neutral)}"]
     return words
+
+
+def _blocking(root: Path) -> str | None:
+    """A pipe or a device among the files in which git keeps what it reads at every call; objects are not looked at."""
+    found = repository(root)
+    if found is None:
+        return None
+    shared = _line(found.folder / "commondir")
+    for start in (found.folder, *([found.folder / shared] if shared is not None else [])):
+        for place, folders, files in os.walk(start):
+            folders[:] = [name for name in folders if name not in ("objects", "modules", "worktrees")]
+            for name in files:
+                path = os.path.join(place, name)  # noqa: PTH118 - there may be thousands
+                if blocks(path):
+                    return path
+    return None
+
+
+def blocks(path: str | Path) -> bool:
+    """Whether opening ``path`` as a file may wait for somebody else; a link is judged by what it names."""
+    try:
+        mode = os.stat(path).st_mode  # noqa: PTH116 - see `_blocking`
+    except (OSError, ValueError):
+        return False  # git reports what is not there, or is closed to this user
+    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
 
 
 def call(root: str, arguments: list[str], environment: Mapping[str, str] | None = None) -> "CompletedProcess[bytes]":
@@ -176,8 +210,8 @@ def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "Comple
         raise FileNotFoundError("there is no git program") from problem
     try:
         status, output, complaints = Git(root).execute(
-            words,
-            env={**_FIXED, **_own(root), **environment},
+            [*_without_inherited(environment), *words],
+            env={**_FIXED, **environment},
             shell=False,
             with_extended_output=True,
             with_exceptions=False,
@@ -190,10 +224,7 @@ def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "Comple
     return CompletedProcess(words, status, output, complaints.encode(errors="surrogateescape"))
 
 
-def _own(root: str) -> dict[str, str]:
-    """The variables with which git means the repository of ``root``, where ours name another one."""
-    where = repository(Path(root)) if any(name in os.environ for name in _INHERITED) else None
-    if where is None:
-        return {}
-    places = (where.folder, where.root, where.folder / "index")
-    return {name: str(place) for name, place in zip(_INHERITED, places, strict=True)}
+def _without_inherited(environment: Mapping[str, str]) -> list[str]:
+    """What stands before a command to take the variables of a calling git away: the library can only add some."""
+    inherited = [name for name in _INHERITED if name in os.environ and name not in environment]
+    return ["env", *(word for name in inherited for word in ("-u", name))] if inherited else []

@@ -16,8 +16,9 @@ from subprocess import CompletedProcess
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
 from octoform.state.files import display
-from octoform.state.git_access import Repository, RepositoryRefused, call, repository
+from octoform.state.git_access import Repository, RepositoryRefused, blocks, call, repository
 
+_BY_HAND = "commit the state by hand, or let the next apply that changes something do it"
 _TAIL = 3000
 _MAX_NAMES = 200  # in one command line, which the system bounds
 _PLAIN = ("100644", "100755")
@@ -91,12 +92,18 @@ class _Git:
         return call(str(self.where.root), list(arguments), {**_PLAINLY, **self.extra})
 
 
-def _open(project: Path) -> tuple[_Git | None, list[Diagnostic]]:
-    """Git on the repository that holds ``project``; (None, []) outside one, a warning when git is not usable."""
+def _open(project: Path, paths: Iterable[Path] = ()) -> tuple[_Git | None, list[Diagnostic]]:
+    """Git on the repository that holds ``project``; (None, []) outside one, a warning when git is not usable.
+
+    ``paths`` are those that it will be asked about.
+    """
     where = repository(project)
     if where is None:
         return None, []
     found = _Git(where)
+    waits = next((path for path in _read_by_git(where, project, paths) if blocks(path)), None)
+    if waits is not None:
+        return None, [_unusable(where, f"{display(waits)} is a pipe or a device, and git would wait for it")]
     try:
         status, _, complaints = found.run("rev-parse", "--git-dir")
     except RepositoryRefused as problem:
@@ -107,6 +114,13 @@ def _open(project: Path) -> tuple[_Git | None, list[Diagnostic]]:
     if status != 0:
         return None, [_unusable(where, complaints)]
     return found, []
+
+
+def _read_by_git(where: Repository, project: Path, paths: Iterable[Path]) -> Iterator[Path]:
+    """Files of the working tree that git reads for itself when it is asked about ``paths`` of the project."""
+    folders = [project.resolve(), *(Path(found) for path in paths for found, _, _ in os.walk(path))]
+    folders += [place for place in folders[0].parents if place.is_relative_to(where.root)]
+    yield from (folder / name for folder in folders for name in (".gitignore", ".gitattributes", ".mailmap"))
 
 
 def _unusable(where: Repository, complaints: str) -> Diagnostic:
@@ -124,7 +138,8 @@ def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | N
 
     Reads only: not even git's own cache of file times is refreshed.
     """
-    git, found = _open(project)
+    paths = list(paths)
+    git, found = _open(project, paths)
     if git is None:
         return None, found
     status, revision, _ = git.run("rev-parse", "--verify", "--quiet", "HEAD")
@@ -152,7 +167,7 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
 
     Empty outside a repository and where git is not usable. Reads only.
     """
-    git, _ = _open(project)
+    git, _ = _open(project, folders)
     if git is None:
         return frozenset()
     names = _inside(git.where, folders)
@@ -251,7 +266,7 @@ def commit(
     Returns the new revision; (None, []) outside a repository or when nothing changed. GIT-BUSY while a merge or rebase
     is going on, GIT-IGNORED, GIT-COMMIT-FAILED with git's words: then the repository is as it was.
     """
-    git, found = _open(project)
+    git, found = _open(project, paths)
     if git is None:
         return None, found
     busy = [what for name, what in _UNDER_WAY.items() if (git.where.folder / name).exists()]
@@ -296,7 +311,8 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     # A generated server that is started by hand leaves bytecode beside it, which is no one's work.
     literal = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})
     patterns = [f":(top,literal){name}" for name in known]
-    status, _, complaints = literal.run("add", "--all", "--", *patterns, ":(top,exclude,glob)**/__pycache__/**")
+    patterns.append(":(top,exclude,glob)**/__pycache__/**")
+    status, _, complaints = literal.run("add", "--all", "--sparse", "--", *patterns)
     if status == 0:
         return known, []
     if _ignored(own, known):
@@ -336,7 +352,7 @@ def _trailers(trailers: Mapping[str, str]) -> str:
 
 
 def _busy(where: Repository, what: str) -> Diagnostic:
-    hint = "finish it, then commit the state by hand or apply again"
+    hint = f"finish it, then {_BY_HAND}"
     return error(
         "GIT-BUSY", f"{what} is going on in this repository; nothing was committed", path=str(where.root), hint=hint
     )
@@ -348,7 +364,7 @@ def _failed(where: Repository, complaints: str) -> Diagnostic:
         "git did not make the commit; the state itself is written and stays",
         path=display(where.root),
         detail=_words(complaints),
-        hint="follow git's message, then commit the state by hand or apply again",
+        hint=f"follow git's message, then {_BY_HAND}",
     )
 
 

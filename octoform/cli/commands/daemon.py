@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import os
 from argparse import Namespace
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Protocol
 
@@ -34,19 +34,31 @@ class CycleView(Protocol):
         """Leave the terminal as it was."""
 
 
-def watched(project: Path, screen: Console, view: CycleView, *, once: bool, as_json: bool) -> tuple[int, Status | None]:
+def watched(
+    project: Path,
+    screen: Console,
+    view: CycleView,
+    *,
+    once: bool,
+    as_json: bool,
+    beside: Callable[[], int | None] = lambda: None,
+) -> tuple[int, Status | None]:
     """The exit code, and the health that the last check cycle left.
 
     None where it came to no end of its own: it was refused, which is shown (1), or ended by a signal (128 + number).
+    ``beside`` gives the exit code where another process has become the daemon meanwhile; None: that is a refusal, too.
     """
     from octoform.daemon.main import watch
     from octoform.daemon.model import Status
+    from octoform.daemon.store.instance_lock import TAKEN
     from octoform.views.daemon.event_log import EXIT
 
     try:
         done, found = watch(project, os.environ, view, once)
     finally:
         view.end()
+    if done is None and any(each.code == TAKEN for each in found) and (code := beside()) is not None:
+        return code, None
     if done is None:
         return problems.show(screen, found, as_json=as_json), None
     if done.signal is not None:
@@ -102,11 +114,17 @@ def run_heal(arguments: Namespace, project: Path, screen: Console) -> int:
     retried, problem = retry(layout, known, arguments.retry)
     if problem is not None:
         return problems.show(screen, [problem], as_json=arguments.json)
-    daemon = daemon_of(layout)
-    if daemon is not None:
-        return requests.asked(screen, daemon, known, retried, as_json=arguments.json)
+
+    def asked() -> int | None:
+        """The exit code when a daemon lives: the request is written by now, and it takes that up."""
+        daemon = daemon_of(layout)
+        return None if daemon is None else requests.asked(screen, daemon, known, retried, as_json=arguments.json)
+
+    if (code := asked()) is not None:
+        return code
     view = Silence() if arguments.json else Lines(screen)
-    code, status = watched(project, screen, view, once=True, as_json=arguments.json)
+    # A daemon may have started since.
+    code, status = watched(project, screen, view, once=True, as_json=arguments.json, beside=asked)
     if status is not None:
         requests.healed(screen, given_up(layout), retried, str(status), as_json=arguments.json)
     return code

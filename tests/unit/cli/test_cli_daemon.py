@@ -17,9 +17,11 @@ from octoform.claims.settings import Settings
 from octoform.cli.commands.daemon import run_confirm
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
+from octoform.daemon import main
 from octoform.daemon.model import Cause, Done, Repair
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import instance_lock
+from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout
 from octoform.views.format.console import Console
 
@@ -110,6 +112,18 @@ def test_heal_asks_the_daemon_that_lives(watched: Layout, capsys: pytest.Capture
     assert (
         err == "octoform: `octoform episodes` is now `octoform incidents`; the next version knows the new name only\n"
     )
+
+
+def test_heal_asks_a_daemon_that_starts_beside_it(
+    watched: Layout, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The first look finds none; by the time that the command would be the daemon itself, there is one."""
+    alive, looks = instance_lock.alive, iter([None])
+    monkeypatch.setattr(instance_lock, "alive", lambda layout: next(looks, alive(layout)))
+    monkeypatch.setattr(main, "_wanted", lambda folder, environ: (main.Wanted(watched, Daemon(), False), None))
+    status, out, err = run(capsys, "heal")
+    assert (status, err) == (0, "")
+    assert "looks now" in out
 
 
 def pending(host: Layout) -> str:

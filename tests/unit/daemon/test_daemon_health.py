@@ -57,6 +57,10 @@ def test_all_seen_and_well_is_healthy() -> None:
     assert (found.status, found.parts, found.covered, found.uncovered) == (Status.HEALTHY, (), 1, ())
 
 
+def test_where_nothing_is_applied_any_more_no_signal_reports() -> None:
+    assert compose(replace(WELL, applied=False), readings=[heat(30)]).covered == 0
+
+
 @pytest.mark.parametrize(
     "readings", [[], [heat(None, why="no answer")], [heat(30), heat(None, 2, "no answer")], [heat(None)]]
 )

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from octoform.state import git_access
 from octoform.state.git_access import head_revision
-from octoform.state.git_repository import commit, repository_facts
+from octoform.state.git_repository import commit, kept, repository_facts, versions
 
 TRAILERS = {"Octoform-Host": "bench", "Octoform-Serial": "3"}
 
@@ -294,6 +295,78 @@ def test_called_from_a_hook_of_another_repository(
     assert head_revision(other.root) is None
     facts, _ = repository_facts(repo.root, [path])
     assert facts is not None and (facts.revision, facts.dirty) == (revision, ())
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        *((name, "{other}/.git") for name in ("GIT_DIR", "GIT_COMMON_DIR")),
+        *((name, "{other}/.git/objects") for name in ("GIT_OBJECT_DIRECTORY", "GIT_QUARANTINE_PATH")),
+        *((name, "1") for name in ("GIT_ICASE_PATHSPECS", "GIT_GLOB_PATHSPECS")),
+    ],
+)
+def test_no_variable_of_a_calling_git_is_obeyed(
+    repo: Project, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str, value: str
+) -> None:
+    other = Project(tmp_path / "other")
+    other.git("init", "-q")
+    repo.write("a")
+    repo.commit_all()
+    path = repo.write("state/a")
+    with monkeypatch.context() as inherited:
+        inherited.setenv(name, value.format(other=other.root))
+        revision, found = commit(repo.root, [path], "m", {})
+        facts, more = repository_facts(repo.root, [path])
+    assert found == more == [] and facts is not None
+    assert revision == facts.revision == repo.git("rev-parse", "HEAD")
+    assert repo.git("status", "--porcelain") == ""
+    assert [each for each in (other.root / ".git/objects").rglob("*") if each.is_file()] == []
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can give a folder away")
+def test_the_owner_is_checked_also_below_a_calling_git(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = repo.write("state/a")
+    os.chown(repo.root / ".git", 61234, 61234)
+    monkeypatch.setenv("GIT_DIR", str(repo.root / ".git"))
+    _, [problem] = repository_facts(repo.root, [path])
+    revision, [refused] = commit(repo.root, [path], "m", {})
+    assert revision is None and problem.code == refused.code == "GIT-UNUSABLE"
+    assert "safe.directory" in (problem.detail or "")
+
+
+@pytest.mark.parametrize("tracked", [False, True])
+def test_a_sparse_checkout_that_leaves_the_state_out(repo: Project, tracked: bool) -> None:
+    repo.write("specs/a")
+    if tracked:
+        repo.write("state/bench/state.json", "former")
+    repo.commit_all()
+    repo.git("sparse-checkout", "set", "--cone", "specs")
+    repo.write("state/bench/state.json")
+    committed(repo)
+    assert repo.last_files() == ["state/bench/state.json"]
+    assert repo.git("status", "--porcelain") == ""
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        *(".git/index", ".git/config", ".git/packed-refs", ".git/refs/heads/main", ".git/logs/HEAD", ".git/shallow"),
+        *(".git/info/exclude", ".gitignore", ".gitattributes", ".mailmap", "state/bench/.gitignore"),
+    ],
+)
+def test_no_pipe_holds_git_up(repo: Project, name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    repo.write("a")
+    path = repo.write("state/bench/state.json").parent
+    repo.commit_all()
+    monkeypatch.setattr(git_access, "SECONDS", 5)  # this test's own patience
+    (repo.root / name).unlink(missing_ok=True)
+    os.mkfifo(repo.root / name)
+    facts, [problem] = repository_facts(repo.root, [path])
+    revision, [refused] = commit(repo.root, [path], "m", {})
+    assert (facts, revision, problem.code, refused.code) == (None, None, "GIT-UNUSABLE", "GIT-UNUSABLE")
+    assert name in (problem.detail or "") and "git would wait" in (problem.detail or "")
+    assert kept(repo.root, [path]) == frozenset()
+    list(versions(repo.root, path))  # comes to an end
 
 
 def test_a_broken_repository_is_a_warning(repo: Project) -> None:
