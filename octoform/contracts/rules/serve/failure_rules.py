@@ -30,7 +30,7 @@ _ABSENCE = re.compile(r"(?i)fail|error|absent|unknown|unavail|missing|none|not|t
 def nothing_instead(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool of effect ``read`` whose device fails raises an error: it does not answer with nothing."""
     source = needed_source(value)
-    if not (source.by_kind[ast.Try] or "suppress" in value):
+    if not (source.by_kind[ast.ExceptHandler] or "suppress" in value):
         return []
     flow = flow_of_tools(source, artifacts)
     hint = "let the error pass, or raise ToolError with what failed; a loop may skip one that fails, and raises where "
@@ -85,7 +85,8 @@ def _may_swallow(source: Source, function: Function) -> bool:
         return True
     parts = (item for each in entered for item in walk(each))
     return any(
-        isinstance(item, ast.Try) or (isinstance(item, ast.Call) and source.dotted(item.func).endswith("suppress"))
+        isinstance(item, ast.ExceptHandler)
+        or (isinstance(item, ast.Call) and source.dotted(item.func).endswith("suppress"))
         for item in parts
     )
 
