@@ -28,6 +28,8 @@ def complete(source: str) -> str:
         used = re.search(rf"\b{name}[.(]", source)
         if used and not re.search(rf"^\s*(?:import|from \S+ import)\b.*\b{name}\b", source, re.MULTILINE):
             raise Absent(name)
+    if "opencv" not in source and re.search(r"\bimport (?:cv2|numpy)\b", source):
+        raise Absent("opencv")
     return source
 
 
@@ -65,21 +67,38 @@ def all_of(*edits: Edit) -> Edit:
     return edit
 
 
+def alongside(name: str, edit: Edit) -> Edit:
+    """The edit, of a server that has this function as well."""
+
+    def both(source: str) -> str:
+        if name not in functions(source):
+            raise Absent(name)
+        return edit(source)
+
+    return both
+
+
 def adds(text: str) -> Edit:
     """More definitions before the file's end."""
     return swap(MAIN, f"\n\n{textwrap.dedent(text).strip()}{MAIN}")
+
+
+def requires(*packages: str) -> Edit:
+    """More packages in the header."""
+    return swap("# dependencies = [", "# dependencies = [" + "".join(f'"{name}", ' for name in packages))
 
 
 def uses(*names: str) -> Edit:
     """More imports, and their packages in the header."""
     packages = {"serial": "pyserial"}
     wanted = [packages[name] for name in names if name in packages]
-    declared = "".join(f', "{name}"' for name in wanted)
     lines = "".join(f"import {name}\n" for name in names)
-    return all_of(
-        swap('"opencv-python-headless>=4.10"', f'"opencv-python-headless>=4.10"{declared}'),
-        swap("import re\n", f"{lines}import re\n"),
-    )
+
+    def edit(source: str) -> str:
+        above, end, below = source.partition('"""\n\n')
+        return f"{above}{end}{lines}{below}"
+
+    return all_of(requires(*wanted), edit)
 
 
 def warm(expression: str) -> str:

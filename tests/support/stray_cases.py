@@ -7,7 +7,7 @@ from typing import Any
 
 import wrong_deploys as deploy
 from identify_cases import ENV, ability, more
-from server_edits import ASKED, FILE, Edit, adds, all_of, body, read_by, swap, uses, warm
+from server_edits import ASKED, FILE, Edit, adds, all_of, alongside, body, read_by, swap, uses, warm
 from wrong_interfaces import TEXT, Output, says, takes, told, tool
 
 
@@ -171,10 +171,13 @@ SERVE_WRONG: dict[str, Any] = {
     "kept: by a default of a table": all_of(
         adds("LAST = {}"), read_by(f"value = LAST.setdefault(device, float(({FILE}).read_text()))")
     ),
-    "named: a device of the host that it does not serve": body(
-        "read_temperature",
-        f"value = float(({FILE}).read_text())\n{warm('value / 1000')}".replace(
-            "device=device", "device='usb-0a0a-0001'"
+    "named: a device of the host that it does not serve": alongside(
+        "capture_image",
+        body(
+            "read_temperature",
+            f"value = float(({FILE}).read_text())\n{warm('value / 1000')}".replace(
+                "device=device", "device='usb-0a0a-0001'"
+            ),
         ),
     ),
     "kernel: a fan": read_by(f"value = float(({ASKED}.path('hwmon') / 'fan1_input').read_text())"),

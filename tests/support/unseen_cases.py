@@ -9,7 +9,7 @@ import wrong_interfaces as interface
 from fresh_cases import NUMBER, TEXT, result
 from identify_cases import ENV, GPIO, METER, RELAY, SENSES, called, more
 from probe_cases import ARM, BATTERY, DISK, HEAT, KESTREL, LINE, LINE_2, ROOT, SOUND, STEPPER, WIFI
-from server_edits import ASKED, FILE, all_of, body, line, read_by, swap, uses
+from server_edits import ASKED, FILE, all_of, alongside, body, line, read_by, swap, uses
 from server_edits import CAMERA as CAPTURE
 from wrong_servers import picture, says, temperature
 
@@ -376,7 +376,9 @@ SERVE_WRONG: dict[str, Any] = {
         f"    LAST = (time.monotonic(), float(({FILE}).read_text()))\nvalue = LAST[1]",
         more="LAST = (-1000.0, 0.0)",
     ),
-    "another device's id": body("read_led", "return lights('backlight-panel', 'backlight')"),
+    "another device's id": alongside(
+        "set_brightness", body("read_led", "return lights('backlight-panel', 'backlight')")
+    ),
     "an act that does not ask to act": swap(
         "runtime.device(device, actuate=percent is not None)", "runtime.device(device)"
     ),

@@ -3,7 +3,6 @@
 import copy
 from collections.abc import Callable, Sequence
 from contextlib import suppress
-from pathlib import Path
 from typing import Any
 
 import bent_cases as bent
@@ -15,17 +14,12 @@ import pytest
 import stray_cases as stray
 import unseen_cases as unseen
 import wrong_deploys
-from bench_host import desk, watched
+from bench_host import desk, smallest_first, watched
 from case_hosts import SCHEMAS, host
 from cases import for_each
 from server_edits import Absent, complete
 
-from octoform.base.id_databases import IdDatabases
-from octoform.builtin.identify import identify
-from octoform.builtin.interface import declare
-from octoform.builtin.probe import probe_root
 from octoform.builtin.scan import beside
-from octoform.builtin.serve.stage import render
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, HostScan
 from octoform.diagnostics import Diagnostic, Severity
@@ -52,16 +46,8 @@ def identified(where: str, change: Any) -> Found:
     return check("identify", value, given, SCHEMAS)
 
 
-def accepted(root: Path) -> Artifacts:
-    """What the embedded agent writes of a host."""
-    probe = probe_root(root)
-    found = identify(probe, IdDatabases(root))
-    interface = declare(found, 30)
-    return Artifacts(probe=probe, identify=found, interface=interface, serve=render(interface))
-
-
 def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
-    """The judgement of the server of the first host that has what the change is about: each tool takes its time."""
+    """The judgement of the first server that has what the change is about."""
     for known in hosts:
         with suppress(Absent):
             return check("serve", complete(change(known.serve)), known, SCHEMAS)
@@ -72,7 +58,7 @@ def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
 def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
     """What judges an output that a change makes of a right one, for each stage of the desk."""
     folder = tmp_path_factory.mktemp("hosts")
-    hosts = [accepted(made(folder / made.__name__)) for made in (watched, desk)]
+    hosts = smallest_first([made(folder / made.__name__) for made in (watched, desk)], 30)
     known = hosts[-1]
 
     def interface(change: Any) -> Found:

@@ -93,7 +93,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
     screen, out = console()
     assert health_view.health(screen, bad_night(), as_json=False, now=NOW) == 5
     lines = out.getvalue().splitlines()
-    since, second, untold = clock(stamp(7500)), clock(stamp(60)), clock(stamp(7400))
+    since, second, untold = clock(stamp(7500), NOW), clock(stamp(60), NOW), clock(stamp(7400), NOW)
     assert lines == [
         f"bench: DOWN since {since} (2 h 5 min): endpoint: its process does not run",
         "",
@@ -115,7 +115,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
         "  octoform confirm c3  waits for a person: the elbow is locked",
         "",
         "  no signal is read while the endpoint is down; claims in force: c1 (octoform claims)",
-        f"  watched by process {myself().pid} since {clock(stamp(9000))}; last look 4.0 s ago",
+        f"  watched by process {myself().pid} since {clock(stamp(9000), NOW)}; last look 4.0 s ago",
         f"  no one was notified by the webhook since {untold} (4 messages lost): it answered with 404",
         "  octoform explain DAEMON-NOT-NOTIFIED  what can be done about that",
     ]
