@@ -6,14 +6,13 @@ plan with nothing to do. What these files do not have (an unborn branch, a ref s
 Where git is called, no program that the repository names is ever run. A repository's configuration may name programs
 for almost anything (hooks, a file monitor, filters, signing, a pager), and anyone who can write below `.git` chooses
 them: an agent, or anyone who gave the folder away. So each is switched off, or set to what the person's own
-configuration states. Nothing is fetched either. GitPython runs it, and is imported only when git is called: neither a
-command outside a repository nor a plan without a commit since the last apply pays for it.
+configuration states. Nothing is fetched either. What starts programs is imported only when git is called.
 """
 
 import os
 import re
 import stat
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -38,6 +37,8 @@ _FIXED = {
     "GIT_NO_LAZY_FETCH": "1",
     "GIT_NO_REPLACE_OBJECTS": "1",
     "GIT_EDITOR": ":",
+    "LANGUAGE": "C",
+    "LC_ALL": "C",
 }
 _INHERITED = (
     *("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_COMMON_DIR", "GIT_OBJECT_DIRECTORY", "GIT_SHALLOW_FILE"),
@@ -51,6 +52,10 @@ _PROGRAM = (
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)"
 )
 """Keys with a name in their middle, or whose value is the person's where it is not the repository's (git-config)."""
+_OWN = ("system", "global")
+"""The scopes that are the person's and the machine's."""
+_MISUSED = 129
+"""Git's exit status for an option that it does not know."""
 _PLAIN = {
     "gpg.program": "gpg",
     "gpg.openpgp.program": "gpg",
@@ -134,27 +139,61 @@ class RepositoryRefused(Exception):
     """Git cannot be called on the repository without running what it names; the text is one line for a person."""
 
 
-def command(root: str, environment: Mapping[str, str]) -> list[str]:
-    """The words that every call of git begins with, for the repository whose working tree is ``root``.
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """One value of a repository's configuration: the scope and the origin are those of git-config(1)."""
 
-    ``environment`` is that of the call. OSError where there is no git, RepositoryRefused where a program cannot be
-    switched off.
+    scope: str
+    origin: str
+    key: str
+    value: str
+
+
+def settings(root: str, environment: Mapping[str, str]) -> list[Setting]:
+    """All that git reads for the repository, in its order, with what is included; none where it cannot be read.
+
+    OSError where there is no git, RepositoryRefused where git is too old to name the scopes, or would wait.
     """
     blocking = _blocking(Path(root))
     if blocking is not None:
         raise RepositoryRefused(f"{blocking!r} is a pipe or a device, and git would wait for it")
-    words = ["git", "-C", str(Path(root).absolute()), "--no-pager", "--no-optional-locks"]
-    for setting in _OFF:
-        words += ["-c", setting]
-    named = [key for key in _listed(words, root, environment) if re.fullmatch(_PROGRAM, key)]
-    if not named:
-        return words
-    own = {**_listed(words, root, environment, "--system"), **_listed(words, root, environment, "--global")}
+    done = run([*_words(root), "config", "--show-scope", "--show-origin", "--list", "-z"], environment)
+    if done.returncode == _MISUSED:
+        raise RepositoryRefused(
+            "this git is older than 2.26 and does not show the scope of a setting; install a newer one"
+        )
+    fields = iter(done.stdout.decode(errors="surrogateescape").split("\0") if done.returncode == 0 else ())
+    found = (
+        (scope, origin, entry.partition("\n")) for scope, origin, entry in zip(fields, fields, fields, strict=False)
+    )
+    return [Setting(scope, origin, key, value) for scope, origin, (key, _, value) in found]
+
+
+def command(root: str, found: Iterable[Setting]) -> list[str]:
+    """The words that every call of git begins with, for the repository that has these settings and that working tree.
+
+    RepositoryRefused where a program cannot be switched off.
+    """
+    words = _words(root)
+    own: dict[str, str] = {}
+    named: dict[str, None] = {}
+    for setting in found:
+        if re.fullmatch(_PROGRAM, setting.key):
+            named[setting.key] = None
+            if setting.scope in _OWN:
+                own[setting.key] = setting.value
     for key in named:
         if "=" in key:
             raise RepositoryRefused(f"its configuration has the key {key!r}, which cannot be switched off")
         neutral = "false" if key.endswith(".required") else _PLAIN.get(key, "")
         words += ["-c", f"{key}={own.get(key, neutral)}"]
+    return words
+
+
+def _words(root: str) -> list[str]:
+    words = ["git", "-C", str(Path(root).absolute()), "--no-pager", "--no-optional-locks"]
+    for setting in _OFF:
+        words += ["-c", setting]
     return words
 
 
@@ -188,43 +227,27 @@ def call(root: str, arguments: list[str], environment: Mapping[str, str] | None 
 
     One that did not end in time is killed, and its complaint states that."""
     variables = environment or {}
-    return _run([*command(root, variables), *arguments], root, variables)
+    return run([*command(root, settings(root, variables)), *arguments], variables)
 
 
-def _listed(words: list[str], root: str, environment: Mapping[str, str], *scope: str) -> dict[str, str]:
-    """Key to value of a scope, or of all; what is included counts. Empty where git cannot read it."""
-    done = _run([*words, "config", *scope, "--includes", "--list", "-z"], root, environment)
-    entries = done.stdout.decode(errors="surrogateescape").split("\0") if done.returncode == 0 else []
-    return {key: value for key, _, value in (entry.partition("\n") for entry in entries) if key}
+def run(words: list[str], environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
+    """Run these words, of which `command` gives the first, in our variables, those that keep git from asking, fetching
+    and editing, and those of the call."""
+    from subprocess import DEVNULL, PIPE, CompletedProcess, Popen, TimeoutExpired
 
-
-def _run(words: list[str], root: str, environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
-    """In our variables, those that keep git from asking, fetching and editing, and those of the call."""
-    from subprocess import CompletedProcess
-
+    inherited = {name: value for name, value in os.environ.items() if name not in _INHERITED}
+    variables = {**inherited, **_FIXED, **environment}
     try:
-        from git import Git, GitCommandNotFound  # looks for the program when it is imported, which takes its time
-    except ModuleNotFoundError:
-        raise  # octoform is not installed as it should be, which is another thing than no git
-    except ImportError as problem:
+        process = Popen(words, env=variables, stdin=DEVNULL, stdout=PIPE, stderr=PIPE)
+    except FileNotFoundError as problem:
         raise FileNotFoundError("there is no git program") from problem
-    try:
-        status, output, complaints = Git(root).execute(
-            [*_without_inherited(environment), *words],
-            env={**_FIXED, **environment},
-            shell=False,
-            with_extended_output=True,
-            with_exceptions=False,
-            stdout_as_string=False,
-            strip_newline_in_stdout=False,
-            kill_after_timeout=SECONDS,
-        )
-    except GitCommandNotFound as problem:
-        raise FileNotFoundError("there is no git program") from problem
-    return CompletedProcess(words, status, output, complaints.encode(errors="surrogateescape"))
-
-
-def _without_inherited(environment: Mapping[str, str]) -> list[str]:
-    """What stands before a command to take the variables of a calling git away: the library can only add some."""
-    inherited = [name for name in _INHERITED if name in os.environ and name not in environment]
-    return ["env", *(word for name in inherited for word in ("-u", name))] if inherited else []
+    with process:
+        try:
+            output, complaints = process.communicate(timeout=SECONDS)
+        except TimeoutExpired:
+            process.kill()
+            return CompletedProcess(words, process.wait(), b"", f"it did not end within {SECONDS} s".encode())
+        except BaseException:
+            process.kill()
+            raise
+    return CompletedProcess(words, process.returncode, output, complaints)

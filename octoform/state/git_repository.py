@@ -9,14 +9,23 @@ import contextlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.records import dataclass
 from octoform.state.files import display
-from octoform.state.git_access import Repository, RepositoryRefused, blocks, call, repository
+from octoform.state.git_access import (
+    Repository,
+    RepositoryRefused,
+    Setting,
+    blocks,
+    command,
+    repository,
+    run,
+    settings,
+)
 
 _BY_HAND = "commit the state by hand, or let the next apply that changes something do it"
 _TAIL = 3000
@@ -50,7 +59,9 @@ _HOOKS = (
     *("p4-pre-submit", "post-index-change"),
 )
 """All that git runs from a folder of hooks (githooks(5))."""
-_PLAINLY = {"GIT_LITERAL_PATHSPECS": "1", "LANGUAGE": "C", "LC_ALL": "C"}
+_PLAINLY = {"GIT_LITERAL_PATHSPECS": "1"}
+_BEFORE_NAME = {"1": 8, "u": 10, "?": 1, "!": 1}
+"""How many fields of an entry of `git status --porcelain=v2` lie before its name, by its kind."""
 _UNDER_WAY = {
     "MERGE_HEAD": "a merge",
     "CHERRY_PICK_HEAD": "a cherry-pick",
@@ -72,10 +83,19 @@ class GitFacts:
 
 @dataclass(frozen=True, slots=True)
 class _Git:
-    """Runs git on one repository, in plain English and with names that are no patterns."""
+    """Runs git on one repository, in plain English and with names that are no patterns.
+
+    Its settings are read once, and the programs that they name are switched off in each call.
+    """
 
     where: Repository
+    settings: Sequence[Setting]
+    words: Sequence[str]
     extra: Mapping[str, str] = field(default_factory=dict)
+
+    def given(self, **extra: str) -> "_Git":
+        """The same with more variables."""
+        return replace(self, extra={**self.extra, **extra})
 
     def run(self, *arguments: str) -> tuple[int, str, str]:
         """(status, output without its last line's end, complaints) of one git command."""
@@ -89,31 +109,29 @@ class _Git:
         return done.stdout if done.returncode == 0 else None
 
     def _call(self, *arguments: str) -> "CompletedProcess[bytes]":
-        return call(str(self.where.root), list(arguments), {**_PLAINLY, **self.extra})
+        return run([*self.words, *arguments], {**_PLAINLY, **self.extra})
 
 
 def _open(project: Path, paths: Iterable[Path] = ()) -> tuple[_Git | None, list[Diagnostic]]:
-    """Git on the repository that holds ``project``; (None, []) outside one, a warning when git is not usable.
+    """Git on the repository that holds ``project``; (None, []) outside one, a warning when git is not to be used.
 
-    ``paths`` are those that it will be asked about.
+    ``paths`` are those that it will be asked about. Whether git reads the repository shows in its first answer.
     """
     where = repository(project)
     if where is None:
         return None, []
-    found = _Git(where)
     waits = next((path for path in _read_by_git(where, project, paths) if blocks(path)), None)
     if waits is not None:
         return None, [_unusable(where, f"{display(waits)} is a pipe or a device, and git would wait for it")]
+    root = str(where.root)
     try:
-        status, _, complaints = found.run("rev-parse", "--git-dir")
+        found = settings(root, _PLAINLY)
+        return _Git(where, found, command(root, found)), []
     except RepositoryRefused as problem:
         return None, [_unusable(where, str(problem))]
     except OSError:
         hint = "install git, or ignore this: only revisions and commits need it"
         return None, [warning("GIT-UNUSABLE", "this is a repository, but there is no git program", hint=hint)]
-    if status != 0:
-        return None, [_unusable(where, complaints)]
-    return found, []
 
 
 def _read_by_git(where: Repository, project: Path, paths: Iterable[Path]) -> Iterator[Path]:
@@ -142,24 +160,28 @@ def repository_facts(project: Path, paths: Iterable[Path]) -> tuple[GitFacts | N
     git, found = _open(project, paths)
     if git is None:
         return None, found
-    status, revision, _ = git.run("rev-parse", "--verify", "--quiet", "HEAD")
-    on_branch, branch, _ = git.run("symbolic-ref", "--quiet", "--short", "HEAD")
     inside = _inside(git.where, paths)
-    dirty: tuple[str, ...] = ()
-    if inside:
-        options = (
-            "--porcelain=v1",
-            "-z",
-            "--no-renames",
-            "--untracked-files=all",
-            "--ignored=matching",
-            "--ignore-submodules=all",
-        )
-        failed, listing, complaints = git.run("status", *options, "--", *inside)
-        if failed:
-            return None, [_unusable(git.where, complaints)]
-        dirty = tuple(sorted(_for_person(git.where, project, entry[3:]) for entry in listing.split("\0") if entry))
-    return GitFacts(revision if status == 0 else None, dirty, branch if on_branch == 0 else None), []
+    shown = ("--untracked-files=all", "--ignored=matching") if inside else ("--untracked-files=no",)
+    options = (
+        "--porcelain=v2",
+        "--branch",
+        "--no-ahead-behind",
+        "-z",
+        "--no-renames",
+        "--ignore-submodules=all",
+        *shown,
+    )
+    failed, listing, complaints = git.run("status", *options, "--", *inside)
+    if failed:
+        return None, [_unusable(git.where, complaints)]
+    entries = [entry for entry in listing.split("\0") if entry]
+    head = dict(entry[2:].split(" ", 1) for entry in entries if entry.startswith("# branch."))
+    revision, branch = head["branch.oid"], head["branch.head"]
+    names = [entry.split(" ", _BEFORE_NAME[entry[0]])[-1] for entry in entries if inside and entry[0] in _BEFORE_NAME]
+    dirty = tuple(sorted(_for_person(git.where, project, name) for name in names))
+    return GitFacts(
+        None if revision == "(initial)" else revision, dirty, None if branch == "(detached)" else branch
+    ), []
 
 
 def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
@@ -167,10 +189,11 @@ def kept(project: Path, folders: Sequence[Path]) -> frozenset[Path]:
 
     Empty outside a repository and where git is not usable. Reads only.
     """
-    git, _ = _open(project, folders)
+    where = repository(project)
+    names = _inside(where, folders) if where is not None else []
+    git = _open(project, folders)[0] if names else None
     if git is None:
         return frozenset()
-    names = _inside(git.where, folders)
     found: set[Path] = set()
     for start in range(0, len(names), _MAX_NAMES):
         options = ("-z", "--cached", "--others", "--exclude-standard")
@@ -188,19 +211,16 @@ def configuration_files(project: Path) -> frozenset[Path]:
     where = repository(project)
     if where is None:
         return frozenset()
-    git = _Git(where)
     try:
-        _, listing, _ = git.run("config", "--list", "--show-origin", "-z")
+        listed = settings(str(where.root), _PLAINLY)
     except (RepositoryRefused, OSError):
         return frozenset()
-    fields = listing.split("\0")
     found: set[Path] = set()
-    for origin, entry in zip(fields[::2], fields[1::2], strict=False):
-        if not origin.startswith("file:"):
+    for setting in listed:
+        if not setting.origin.startswith("file:"):
             continue  # octoform's own words
-        source = git.where.root / origin.removeprefix("file:")
-        key, _, value = entry.partition("\n")
-        found |= {source, *_named(git.where.root, source, key, value)}
+        source = where.root / setting.origin.removeprefix("file:")
+        found |= {source, *_named(where.root, source, setting.key, setting.value)}
     return frozenset(Path(os.path.normpath(path)) for path in found)
 
 
@@ -269,6 +289,9 @@ def commit(
     git, found = _open(project, paths)
     if git is None:
         return None, found
+    unreadable, _, complaints = git.run("rev-parse", "--git-dir")
+    if unreadable:
+        return None, [_unusable(git.where, complaints)]
     busy = [what for name, what in _UNDER_WAY.items() if (git.where.folder / name).exists()]
     if busy:
         return None, [_busy(git.where, busy[0])]
@@ -276,9 +299,8 @@ def commit(
         names, found = _stage(own, _inside(git.where, paths))
         if found or not _changed(own):
             return None, found
-        status, _, complaints = _Git(own.where, {**own.extra, **_identity(own)}).run(
-            "commit", "--quiet", "-m", message, "-m", _trailers(trailers)
-        )
+        words = ("commit", "--quiet", "-m", message, "-m", _trailers(trailers))
+        status, _, complaints = own.given(**_identity(own)).run(*words)
         if status != 0:
             return None, [_failed(git.where, complaints)]
     _, revision, _ = git.run("rev-parse", "HEAD")
@@ -290,7 +312,7 @@ def commit(
 def _own_index(git: _Git) -> Iterator[_Git]:
     """Git with an index that holds HEAD and nothing that the person has staged."""
     path = git.where.folder / f"index.octoform.{os.urandom(6).hex()}"
-    own = _Git(git.where, {"GIT_INDEX_FILE": str(path.resolve())})
+    own = git.given(GIT_INDEX_FILE=str(path.resolve()))
     try:
         born, _, _ = own.run("rev-parse", "--verify", "--quiet", "HEAD")
         own.run("read-tree", *(["HEAD"] if born == 0 else ["--empty"]))
@@ -309,7 +331,7 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     if not known:
         return [], []
     # A generated server that is started by hand leaves bytecode beside it, which is no one's work.
-    literal = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})
+    literal = own.given(GIT_LITERAL_PATHSPECS="0")
     patterns = [f":(top,literal){name}" for name in known]
     patterns.append(":(top,exclude,glob)**/__pycache__/**")
     status, _, complaints = literal.run("add", "--all", "--sparse", "--", *patterns)
@@ -323,7 +345,7 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
 
 
 def _ignored(own: _Git, names: list[str]) -> bool:
-    plain = _Git(own.where, {**own.extra, "GIT_LITERAL_PATHSPECS": "0"})  # this command takes names only
+    plain = own.given(GIT_LITERAL_PATHSPECS="0")  # this command takes names only
     return plain.run("check-ignore", "--", *names)[1] != ""
 
 
@@ -336,12 +358,12 @@ def _changed(own: _Git) -> bool:
 
 def _identity(git: _Git) -> dict[str, str]:
     """Where git knows no author, one of octoform's own, rather than a guess from the machine's name."""
-    out = {}
+    out, configured = {}, {setting.key: setting.value for setting in git.settings}
     for part, fallback in (("NAME", "octoform"), ("EMAIL", "octoform@localhost")):
-        if git.run("config", f"user.{part.lower()}")[1]:
+        if configured.get(f"user.{part.lower()}"):
             continue
         for role in ("AUTHOR", "COMMITTER"):
-            specific = git.run("config", f"{role.lower()}.{part.lower()}")[1]
+            specific = configured.get(f"{role.lower()}.{part.lower()}")
             if not specific and not os.environ.get(f"GIT_{role}_{part}"):
                 out[f"GIT_{role}_{part}"] = fallback
     return out

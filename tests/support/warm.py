@@ -29,6 +29,7 @@ from pathlib import Path
 
 import lasting_fork_server
 import worker_forks
+from pydantic import BaseModel
 from shared_fork_servers import SharedForkServer
 
 import octoform
@@ -203,13 +204,14 @@ def _keeper(*prefix: str) -> socket.socket:
 def keep(orders: socket.socket) -> int:
     """The loaded process: fork for each order, report the exit of each fork; 0 when no client is left."""
     atexit.register(_leave)  # the first, which is carried out last
-    for name in (*_core(), "packaging.requirements", "git"):
+    for name in (*_core(), "packaging.requirements"):
         importlib.import_module(name)
     # To parse these takes as long as a short command; what a project changes in its copies is parsed there.
     for template in _environment().list_templates():
         _environment().get_template(template)
     load_specs(None)
     load_profiles(sorted(shipped().glob("*.md")))
+    _complete(BaseModel)
     gc.freeze()  # a collection in a fork would copy all that is loaded
     bounded_program.SCRIPT = lasting_fork_server.SCRIPT
     selector = selectors.DefaultSelector()
@@ -235,6 +237,14 @@ def keep(orders: socket.socket) -> int:
                 os.close(descriptor)
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _complete(model: type[BaseModel]) -> None:
+    """Build the validators of all models of octoform, which each command would otherwise do at its first use."""
+    for found in model.__subclasses__():
+        if found.__module__.startswith(f"{octoform.__name__}."):
+            found.model_rebuild()
+        _complete(found)
 
 
 def _forked(order: Mapping[str, object], descriptors: Sequence[int], servers: Sequence[int]) -> int:

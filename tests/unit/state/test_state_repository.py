@@ -1,8 +1,8 @@
 """Git, with real repositories: what is dirty, and commits that touch nothing of the person's."""
 
 import os
+import shutil
 import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -388,16 +388,33 @@ def test_an_index_that_is_locked_delays_only_the_index(repo: Project) -> None:
     assert repo.git("status", "--porcelain") == ""
 
 
-def test_without_a_git_program(repo: Project) -> None:
-    """In a process of its own, since the library looks for the program once."""
-    program = (
-        "import sys; from pathlib import Path; from octoform.state.git_repository import repository_facts;"
-        "print([item.code for item in repository_facts(Path(sys.argv[1]), [])[1]])"
-    )
-    environment = {"PATH": str(repo.root), "PYTHONPATH": str(Path(__file__).parents[3])}
-    command = [sys.executable, "-c", program, str(repo.root)]
-    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
-    assert (run.stdout.strip(), run.returncode) == ("['GIT-UNUSABLE']", 0), run.stderr
+def test_without_a_git_program(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PATH", str(repo.root))
+    assert [item.code for item in repository_facts(repo.root, [])[1]] == ["GIT-UNUSABLE"]
+
+
+def test_with_a_git_that_shows_no_scope_no_setting_is_taken_for_the_persons(
+    repo: Project, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    old = repo.write("bin/git", "#!/bin/sh\nexit 129\n")
+    old.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{old.parent}:{os.environ['PATH']}")
+    facts, [problem] = repository_facts(repo.root, [])
+    assert facts is None and problem.code == "GIT-UNUSABLE" and "older than 2.26" in (problem.detail or "")
+
+
+def test_an_answer_about_the_repository_takes_two_calls(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One for its settings, one for the answer, although the person's own settings name programs."""
+    path = repo.write("octopus.yaml")
+    (repo.root.parent / "home").mkdir()
+    repo.git("config", "--global", "filter.lfs.clean", "cat")
+    log = repo.root.parent / "log"
+    counted = repo.write("bin/git", f'#!/bin/sh\necho >> {log}\nexec {shutil.which("git")} "$@"\n')
+    counted.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{counted.parent}:{os.environ['PATH']}")
+    facts, found = repository_facts(repo.root, [path])
+    assert found == [] and facts is not None and (facts.revision, facts.branch) == (None, "main")
+    assert facts.dirty == ("octopus.yaml",) and log.read_text() == "\n\n"
 
 
 def test_the_revision_is_read_wherever_git_keeps_it(repo: Project) -> None:
