@@ -12,10 +12,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from projects import OCTOFORM, Project
+from projects import OCTOFORM, Done, Project
 from waiting import until
 
 from octoform.base.processes import is_alive
+from octoform.endpoint.process import record
 from octoform.harness.containment import orphans
 from octoform.state.files import reserve_path
 from octoform.state.layout import Layout
@@ -209,3 +210,31 @@ def test_what_sigkill_leaves_is_told_and_then_removed(working: Project, applying
     assert not (folder / "home").exists()
     assert not (folder / "tmp").exists()
     assert (folder / "transcript.jsonl").exists()
+
+
+def test_a_stop_beside_an_apply_holds(project: Project) -> None:
+    """The endpoint is not made to run behind the back of the person who stopped it, and no agent runs once more."""
+    gate = project.outside / "gate"
+    project.script["deploy"] = [{"shell": f"until [ -e '{gate}' ]; do sleep 0.02; done"}]
+    project.write()
+    applying = project.start("apply", "-auto-approve", "-json")
+    try:
+        project.wait_for_agent(5)
+        project.run("stop", status=0)
+        gate.touch()
+        out, err = applying.communicate(timeout=project.seconds)
+    finally:
+        applying.kill()
+        applying.communicate()
+    ended = Done(applying.returncode, out, err)
+    assert ended.status == 1
+    assert "ENDPOINT-STOPPED" in ended.codes(), ended.text
+    layout = Layout(project.folder, project.host)
+    assert record.is_marked(layout) and record.running(layout) is None
+    assert project.stages_run().count("deploy") == 1
+    project.apply(status=0)
+    assert not record.is_marked(layout) and record.running(layout) is not None
+    project.run("stop", status=0)
+    project.script.pop("deploy")
+    assert "ENDPOINT-STOPPED" in project.apply("-target", "probe", "-replace", "probe", status=0).codes()
+    assert record.is_marked(layout) and record.running(layout) is None

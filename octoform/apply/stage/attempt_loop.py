@@ -24,6 +24,7 @@ from octoform.base import files
 from octoform.base.files import replace as replace_file
 from octoform.base.shortage import is_shortage
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
+from octoform.endpoint.process.record import STOPPED
 from octoform.harness import transcript
 from octoform.harness.adapters import resolve
 from octoform.harness.containment import agent_environment, sandbox
@@ -315,7 +316,7 @@ def prove(context: Context, task: Task, value: Any, found: list[Diagnostic]) -> 
         until = context.purse.until
         if until is not None and context.clock.monotonic() >= until:  # and whatever it was doing was cut short
             found.append(_spent(task.stage, context.manifest.budget_for(task.stage).stage_seconds))
-        return Verdict(tuple(found))
+        return Verdict(tuple(found), last=any(item.code == STOPPED for item in found))
     verdict = settle(context, task.stage, value, found, files)
     return replace(verdict, detail={**verdict.detail, **detail}, found=_with(verdict.found, detail))
 

@@ -43,10 +43,13 @@ from octoform.endpoint.expected_tools import display
 from octoform.endpoint.policy import Holding
 from octoform.endpoint.policy import resolve as resolve_policy
 from octoform.endpoint.policy_check import doubts
+from octoform.endpoint.process.record import refusal
 from octoform.endpoint.process.start_stop import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.publication import Service, write_endpoint
 from octoform.harness.port import Task
 from octoform.profiles.selection import devices_of
+
+_AGAIN = "octoform apply makes and starts it when it may run again"
 
 # What the accepted artifacts, the manifest and the profiles make of the endpoint: tools, scope, policy.
 
@@ -257,7 +260,8 @@ def publish(
 
     ``judge`` states what of the check is wrong (`judge_check` where none is given): an error takes the endpoint out of
     service. ``deploy`` is the DEPLOY artifact that is being proved. Without ``smoke`` no tool is called, and the
-    endpoint only has to answer with its tools.
+    endpoint only has to answer with its tools. A person's stop meanwhile holds: what is written is not started, or it
+    ends.
     """
     if problem := obstacle(context.layout, PUBLISHED_BYTES):
         found.append(problem)
@@ -269,6 +273,8 @@ def publish(
     found += write_endpoint(context.layout, environment, service, context.environ)
     if service.network is not None:
         found += ensure_default(context.layout)
+    if problem := refusal(context.layout, _AGAIN):
+        found.append(problem)
     if has_errors(found):
         return None
     interface = display(context.layout, accepted(context, "interface"))
@@ -278,6 +284,8 @@ def publish(
         if judge
         else judge_check(report, interface, _just_seen(context), lambda name: lacks(name, context.environ))
     )
+    if problem := refusal(context.layout, _AGAIN):
+        judged = [*judged, problem]
     found += judged
     if has_errors(judged):
         # What is broken is not left running; the next apply makes it again.

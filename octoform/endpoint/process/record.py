@@ -106,6 +106,7 @@ def _read(record: dict[str, Any]) -> Running:
 
 _LIMIT = 64 * 1024
 _MAX_CHARACTERS = 200
+STOPPED = "ENDPOINT-STOPPED"
 HINT = "octoform start starts it; a client whose command has -start may, too"
 
 
@@ -153,10 +154,10 @@ def read(layout: Layout) -> Stop | None:
         return Stop()
 
 
-def refusal(layout: Layout) -> Diagnostic | None:
+def refusal(layout: Layout, hint: str = HINT) -> Diagnostic | None:
     """Why nothing may start the endpoint unasked; None when no person stopped it."""
     stop = read(layout)
-    return None if stop is None else error("ENDPOINT-STOPPED", stop.describe(layout.host), hint=HINT)
+    return None if stop is None else error(STOPPED, stop.describe(layout.host), hint=hint)
 
 
 def _person() -> str:

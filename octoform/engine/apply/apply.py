@@ -284,7 +284,11 @@ def _planned(request: Request, options: Options, view: RunView, held: Locked) ->
         hint = "confirm on a terminal, or use -auto-approve"
         declined = error("APPLY-NOT-APPROVED", f"{blank.operation} was not approved; nothing was done", hint=hint)
         return replace(blank, failed="approval", diagnostics=(declined,))
-    if not request.destroy and any(item.node in _SERVING or item.node.startswith(STEP) for item in shown.work):
+    if (
+        not request.destroy
+        and options.consent is None
+        and any(item.node in _SERVING or item.node.startswith(STEP) for item in shown.work)
+    ):
         desired_state.unmark(compiled.layout)
     run = _Run(request, options, view, outlook, store)
     try:
@@ -376,7 +380,7 @@ class _Run:
             usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
-            diagnostics=tuple([*found, *self._notices(artifacts), *self._uncovered(artifacts)]),
+            diagnostics=tuple([*found, *self._notices(artifacts), *self._uncovered(artifacts), *self._stopped()]),
             funnel=None if self.request.destroy else funnel(artifacts),
             questions=() if self.request.destroy else device_knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else endpoint(compiled.layout, artifacts),
@@ -395,6 +399,11 @@ class _Run:
         if not any(code == device_knowledge.OFFERED for code, _ in known):
             found = [*device_knowledge.offers(artifacts, compiled), *found]
         return [item for item in found if (item.code, item.summary) not in known]
+
+    def _stopped(self) -> list[Diagnostic]:
+        """That the endpoint does not run because a person stopped it, also meanwhile: a complete apply hides that."""
+        stopped = None if self.request.destroy else desired_state.refusal(self.outlook.compiled.layout)
+        return [] if stopped is None else [replace(stopped, severity=Severity.WARNING)]
 
     def _uncovered(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
         """The commands of a chosen profile that the accepted INTERFACE does not offer."""

@@ -17,7 +17,7 @@ from octoform.apply.stage.serve_proof import service_of
 from octoform.apply.watch import WATCH, watch
 from octoform.claims.settings import bound_documents
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.process.record import is_marked
+from octoform.endpoint.process.record import is_marked, unmark
 from octoform.endpoint.publication import is_published, is_published_for
 from octoform.engine.apply.session import (
     HostRefused,
@@ -182,5 +182,6 @@ def _published(context: Context) -> DutyOutcome:
         return DutyOutcome(
             ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were"
         )
+    unmark(context.layout)  # a person starts it, and the daemon judges nothing while this holds the state's lock
     found = promotion.published(context, smoke=False)
     return refusal(found) if has_errors(found) else DutyOutcome(ok=True, detail="the endpoint is this folder's own")
