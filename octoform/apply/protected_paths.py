@@ -105,11 +105,8 @@ _NOTED_OF_THE_MACHINE = (
 """What root's agent could leave to be run; packages that are being installed change it as well: reported, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
-_PROGRAMS = (
-    *("uv", "bwrap", "git", "node", "npm", "npx", "systemctl", "loginctl", "ssh", "sh", "true", "python3"),
-    *("crontab", "atq"),
-)
-"""The programs that octoform calls by name."""
+_PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "loginctl", "ssh", "sh", "true", "python3")
+"""The programs that octoform calls by name, beside those of `SCHEDULERS`."""
 _PACKAGES_OF_A_PERSON = tuple(f".local/lib/python3.{minor}/site-packages" for minor in range(8, 20))
 """Of each Python that a person may have."""
 _AGENTS = (
@@ -427,10 +424,13 @@ def _scheduled(environ: Mapping[str, str]) -> dict[str, bytes]:
     Their files are closed to an ordinary user, so only those programs can read them.
     """
     found = dict.fromkeys(SCHEDULERS, b"")
+    room = Path(os.environ.get("XDG_RUNTIME_DIR") or f"/run/user/{os.getuid()}")
+    managed = room.is_dir() or "DBUS_SESSION_BUS_ADDRESS" in os.environ  # else no systemd answers this user
     for name, (command, *options) in SCHEDULERS.items():
         argv = [shutil.which(command, path=environ.get("PATH")) or "", *options]
         with suppress(OSError, subprocess.TimeoutExpired):
-            found[name] = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
+            if managed or "--user" not in options:
+                found[name] = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
     return found
 
 

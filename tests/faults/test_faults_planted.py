@@ -361,6 +361,7 @@ def test_what_is_done_alone_is_told_undone_or_left_to_a_person(attacked: Attacke
     for name, program in {"crontab": CRONTAB, "atq": LISTED, "systemctl": LISTED}.items():
         (home / "bin" / name).write_text(program)
         (home / "bin" / name).chmod(0o755)
+    project.environ["XDG_RUNTIME_DIR"] = str(home)  # else no manager of this user is there to be asked
     acts = {name: act for name, act in ALONE.items() if name != "given away" or os.geteuid() == 0}
     project.script = {"probe": [{"shell": attacked.words(act)} for act in acts.values()]}
     project.manifest = {"budget": f"{{attempts: {len(acts)}}}"}

@@ -23,13 +23,13 @@ from octoform.base import processes, shortage
 from octoform.base.files import parse
 from octoform.harness.containment import orphans
 from octoform.harness.containment.agent_environment import ATTEMPT
-from octoform.harness.containment.reaper import PR_SET_CHILD_SUBREAPER, prctl
+from octoform.harness.containment.reaper import PR_SET_CHILD_SUBREAPER, children, prctl
 from octoform.harness.containment.task_log import DEFAULT_LIMIT, TaskLog
 from octoform.records import dataclass
 
 REAPER = Path(__file__).with_name("reaper.py")
-_LOAD = "import sys; sys.path.append(sys.argv.pop(1)); import reaper; sys.exit(reaper.main(sys.argv[1:]))"
-"""A script would be compiled at each start; a module has bytecode."""
+_LOAD = "import os, sys; sys.path.append(sys.argv.pop(1)); import reaper; os._exit(reaper.main(sys.argv[1:]))"
+"""A script would be compiled at each start; a module has bytecode. Nothing is to be taken apart at its end."""
 SUPERVISOR = ("-I", "-S", "-B", "-c", _LOAD, str(REAPER.parent))
 """What the interpreter is given to run the supervisor."""
 CHUNK = 64 << 10
@@ -291,7 +291,7 @@ def _adopting() -> Iterator[orphans.Adopted | None]:
 
     So what an agent has hidden cannot get away from here by killing its supervisor.
     """
-    before = frozenset(item for item in orphans.own() if item.parent == os.getpid())
+    before = frozenset(filter(None, map(orphans.look, children())))
     with _ADOPTING.lock:
         _ADOPTING.runs += 1
         possible = prctl(PR_SET_CHILD_SUBREAPER, 1)

@@ -18,9 +18,14 @@ import ctypes
 import os
 import resource
 import select
-import signal
 import sys
 import time
+
+TYPE_CHECKING = False  # not that of `typing`, which takes longer than all the rest
+if TYPE_CHECKING:
+    import signal
+else:
+    import _signal as signal  # `signal` makes enumerations of its numbers, which takes a third of a start
 
 PR_SET_PDEATHSIG = 1
 PR_SET_CHILD_SUBREAPER = 36
@@ -326,7 +331,3 @@ def main(arguments: list[str]) -> int:
         containment="subreaper" if contained else "process_group",
     )
     return 1 if remaining else 0
-
-
-if __name__ == "__main__":
-    sys.exit(main(sys.argv[1:]))
