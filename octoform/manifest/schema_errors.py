@@ -111,6 +111,10 @@ def dotted(loc: Loc) -> str:
     return out
 
 
+_NOT_FINITE = re.compile(r"[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN")
+"""What YAML 1.2 calls a number and no setting may be."""
+
+
 def kind(node: yaml_tree.Node | None) -> str:
     """The kind of a value, in words."""
     if isinstance(node, Table):
@@ -118,6 +122,8 @@ def kind(node: yaml_tree.Node | None) -> str:
     if isinstance(node, Items):
         return "a list"
     value = node.value if isinstance(node, Scalar) else None
+    if isinstance(node, Scalar) and node.plain and (found := _NOT_FINITE.fullmatch(node.text)):
+        return "infinite" if found[1] else "not a number (NaN)"
     if isinstance(value, bool):
         return "true or false"
     if isinstance(value, float):
