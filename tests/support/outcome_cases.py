@@ -8,6 +8,7 @@ from typing import Any
 from novel_servers import LEVEL, NOW, WRITE, light, sets
 from novel_servers import NUMBER as RAW
 from server_edits import FILE, adds, all_of, body, read_by, swap, uses
+from wrong_interfaces import tool
 from wrong_servers import temperature
 
 SHARED = '(folder / "brightness").write_text(str(round(maximum * percent / 100)))'
@@ -100,8 +101,32 @@ for name, expression in {
     "by a fraction": "10 * round({} / 10000)",
     "for each letter": "[10 * (float(letter) - 1 + round({} / 10000)) for letter in '12'][0]",
     "to fives": "5 * round({} / 5000)",
+    "to whole degrees": "round({} / 1000)",
+    "to whole degrees, by no decimals": "round({} / 1000, 0)",
+    "to the degrees below": "{} // 1000",
+    "to the degrees below, by a remainder": "divmod(int({}), 1000)[0]",
+    "to the integer of it": "int({} / 1000)",
+    "to the floor of it": "math.floor({} * 0.001)",
+    "to the ceiling of it": "-(-{} // 1000)",
+    "to a text without decimals": "float(f'{{{} / 1000:.0f}}')",
+    "to the whole of a text": "int(str({} / 1000).split('.')[0])",
+    "to thousands first": "int({}) // 1000 * 1000 / 1000",
+    "to whole degrees, with a calibration": "0.5 + int({} / 1000)",
 }.items():
     SERVE_WRONG[f"coarse: {name}"] = temperature(f"value = 1000 * ({expression.format(RAW)})")
+SERVE_WRONG |= {
+    "coarse: by a function": temperature(
+        f"value = 1000 * whole({RAW})", more="def whole(raw):\n    return raw // 1000"
+    ),
+    "coarse: by an object": temperature(
+        f"value = 1000 * Heat({RAW}).degrees",
+        more="class Heat:\n    def __init__(self, raw):\n        self.raw = raw\n\n    @property\n"
+        "    def degrees(self):\n        return round(self.raw / 1000)",
+    ),
+    "coarse: as it is returned": read_by(f"value = {RAW}", "round(value / 1000)"),
+    "coarse: by the reader of integers": read_by(f"value = runtime.read_integer({FILE})", "value // 1000"),
+    "coarse: by a scale of the runtime": read_by(f"value = runtime.read_number({FILE}, 0.001)", "int(value)"),
+}
 SERVE_RIGHT: dict[str, Any] = {
     f"set: {name}": case
     for name, case in {
@@ -137,10 +162,12 @@ SERVE_RIGHT: dict[str, Any] = {
 SERVE_RIGHT |= {
     f"fine: {name}": temperature(f"value = 1000 * ({expression.format(RAW)})")
     for name, expression in {
-        "whole degrees": "round({} / 1000)",
-        "degrees below": "{} // 1000",
         "a tenth of a degree": "round({} / 1000, 1)",
         "half degrees": "0.5 * round({} / 500)",
+        "hundredths, by integers": "{} // 10 / 100",
+        "a text with one decimal": "float(f'{{{} / 1000:.1f}}')",
+        "what the attribute has": "int({}) / 1000",
+        "cut after two decimals": "int({} / 10) / 100",
         "a field of a register": "5 * ((int({}) >> 8) & 15)",
         "of a period": "1000000 / {}",
         "whole, of a period": "9000000 // {}",
@@ -421,4 +448,28 @@ SERVE_RIGHT |= {
         ),
         "none where there is no maximum": lit("round(100 * level / maximum, 1) if maximum else 0.0"),
     }.items()
+}
+
+
+def of_value(text: str, **schema: Any) -> tuple[Any, Any]:
+    """A temperature by this expression, of which INTERFACE declares this schema."""
+
+    def declares(interface: Any) -> None:
+        members = tool(interface, "read_temperature")["output_schema"]["properties"]["readings"]["items"]["properties"]
+        members["value"] = schema
+
+    kind = "int" if schema["type"] == "integer" else "float"
+    taken = swap('"value": float, "unit"', f'"value": {kind}, "unit"')
+    return all_of(taken, read_by(f"value = {RAW}", text)), declares
+
+
+SERVE_WRONG |= {
+    "declared: another bound": of_value("min(85, value / 1000)", type="number", maximum=125),
+    "declared: tens of degrees as an integer": of_value("int(value / 10000) * 10", type="integer"),
+}
+SERVE_RIGHT |= {
+    "declared: whole degrees": of_value("round(value / 1000)", type="integer"),
+    "declared: steps": of_value("value // 1000", type="number", multipleOf=1),
+    "declared: that it is rounded": of_value("value // 1000", type="number", description="rounded to a degree"),
+    "declared: its range": of_value("max(-10, min(85, value / 1000))", type="number", minimum=-10, maximum=85),
 }

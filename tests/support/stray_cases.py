@@ -248,6 +248,129 @@ SERVE_RIGHT: dict[str, Any] = {
     "kernel: sectors of 512 bytes": body("read_storage", DISK.format("sectors << 9")),
     "kernel: the scale as a fraction": swap(HWMON, HWMON.replace("0.001", "1e-3")),
 }
+
+
+def within(made: str, call: str, *imports: str) -> Edit:
+    """A temperature that goes through a definition of the file."""
+    parts = [uses(*imports)] if imports else []
+    return all_of(*parts, adds(made), read_by(f"value = float(({FILE}).read_text())", call))
+
+
+LIMITED = "def limited(value):\n    return max(0, min(100, value))"
+BRANCHES = """
+def limited(value):
+    if value > 60:
+        return 60.0
+    if value < -5:
+        return -5.0
+    return value
+"""
+GUARD = "class Guard:\n    @staticmethod\n    def inside(value):\n        return min(max(value, -10.0), 60.0)"
+OBJECT = """
+class Band:
+    def __init__(self, low, high):
+        self.low, self.high = low, high
+
+    def of(self, value):
+        return self.low if value < self.low else min(value, self.high)
+"""
+BELOW = "def upto(value, most):\n    return most if value > most else value"
+AT_MOST = "def at_most(value):\n    return min(value, {})"
+SERVE_WRONG |= {
+    f"limit: {name}": case
+    for name, case in {
+        "both sides": within(LIMITED, "limited(value / 1000)"),
+        "of the raw number": within(LIMITED.replace("100", "75_000"), "limited(value) / 1000"),
+        "by branches": within(BRANCHES, "limited(value / 1000)"),
+        "by a static method": within(GUARD, "Guard.inside(value / 1000)"),
+        "by an object": within(OBJECT, "Band(5, 95).of(value / 1000)"),
+        "of an argument": within(BELOW, "upto(value / 1000, 90)"),
+        "by two functions": within(
+            f"{BELOW}\n\n\ndef safe(value):\n    return upto(value, 90.0)", "safe(value / 1000)"
+        ),
+        "by a lambda": within("SAFE = lambda value: min(max(value, 3), 80)", "SAFE(value / 1000)"),
+        "by the middle of three": within(
+            "def limited(value):\n    return sorted((-20.0, value, 85.0))[1]", "limited(value / 1000)"
+        ),
+        "by bounds with a name": within(
+            "BOUNDS = {'low': -20, 'high': 70}\n\n\ndef limited(value):\n"
+            "    return max(BOUNDS['low'], min(BOUNDS['high'], value))",
+            "limited(value / 1000)",
+        ),
+        "where it is read": all_of(
+            adds(f"def heat():\n    return min(float(({FILE}).read_text()), 70000.0)"), read_by("value = heat()")
+        ),
+        "by a library": within(
+            "def limited(value):\n    import numpy\n\n    return float(numpy.clip(value, -10, 60))",
+            "limited(value / 1000)",
+        ),
+        "of a level": all_of(
+            adds(LIMITED.replace("100", "80").replace("0,", "20,")),
+            acts("write", WRITE.replace("percent", "limited(percent)")),
+        ),
+        "of a level, by an object": all_of(
+            adds(OBJECT), acts("write", WRITE.replace("percent", "Band(0, 60).of(percent)"))
+        ),
+        "of a wait": all_of(
+            adds(AT_MOST.format(2)), body("read_input_events", EVENTS.format("events", "at_most(seconds)"))
+        ),
+        "of a wait, where it is used": body("read_input_events", EVENTS.format("events", "min(seconds, 2.0)")),
+        "of a number of events": all_of(
+            adds(AT_MOST.format(10)), body("read_input_events", EVENTS.format("at_most(events)", "seconds"))
+        ),
+        "of a number of events, by a test": body(
+            "read_input_events", "if events > 10:\n    events = 10" + EVENTS.format("events", "seconds")
+        ),
+        "of a width": all_of(
+            adds(AT_MOST.format(640)), body("capture_image", PICTURE.format("at_most(width), height"))
+        ),
+        "of a height, where it is used": body("capture_image", PICTURE.format("width, max(1080, height)")),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"limit: {name}": case
+    for name, case in {
+        "an error outside": within(
+            "def checked(value):\n    if not -55 <= value <= 150:\n        raise ToolError('out of range')\n"
+            "    return value",
+            "checked(value / 1000)",
+        ),
+        "the hotter one": within("def hotter(one, two):\n    return max(one, two)", "hotter(value, value) / 1000"),
+        "nothing below zero": within("def above(value):\n    return max(0.0, value)", "above(value) / 1000"),
+        "the range of the argument": all_of(adds(LIMITED), acts("write", WRITE.replace("percent", "limited(percent)"))),
+        "of the level that is written": all_of(
+            adds(BELOW),
+            acts("write", WRITE.replace("round(top * percent / 100)", "upto(round(top * percent / 100), top)")),
+        ),
+        "a pause between tries": all_of(
+            adds("def pause(count):\n    return min(0.05 * count, 0.2)"),
+            read_by(
+                "for count in range(3):\n    try:\n"
+                f"        value = float(({FILE}).read_text())\n        break\n    except OSError:\n"
+                "        time.sleep(pause(count))\nelse:\n    raise ToolError('no reading in three tries')"
+            ),
+        ),
+        "the longest wait of INTERFACE": all_of(
+            adds(AT_MOST.format(60)), body("read_input_events", EVENTS.format("events", "at_most(seconds)"))
+        ),
+        "the most events of INTERFACE": body("read_input_events", EVENTS.format("max(1, min(events, 200))", "seconds")),
+        "a wait in pieces": all_of(
+            adds("def piece(left):\n    return min(left, 0.5)"),
+            body(
+                "read_input_events",
+                EVENTS.format("events", "seconds").replace(
+                    "with runtime",
+                    "left = seconds\nwhile left > 0:\n    step = piece(left)\n    left -= step\nwith runtime",
+                ),
+            ),
+        ),
+        "an even width": all_of(
+            adds("def even(value):\n    return value // 2 * 2"),
+            body("capture_image", PICTURE.format("even(width), height")),
+        ),
+        "the size that the camera has": body("capture_image", PICTURE.format("min(width, 8192), min(height, 8192)")),
+    }.items()
+}
 IDENTIFY_WRONG: dict[str, tuple[str, Any]] = {
     "a gas of a chip for air": ("raspberry", more(ENV, "read_co2", description="The CO2 in ppm.", via="iio")),
     "a quality of a chip for air": ("raspberry", more(ENV, "read_air_quality", description="An index.", via="iio")),

@@ -71,7 +71,8 @@ class Chosen:
         if isinstance(node, ast.IfExp):
             return self._all([node.body, node.orelse], depth)
         if isinstance(node, ast.UnaryOp):
-            return self._all([node.operand], depth)
+            found = self._all([node.operand], depth)
+            return frozenset(-each for each in found) if found and isinstance(node.op, ast.USub) else found
         if isinstance(node, ast.BoolOp):
             return self._all([item for item in node.values if not _is_truth(item)], depth)
         if isinstance(node, ast.BinOp):
@@ -147,7 +148,7 @@ def unmeasured(
     altered = _Altered(source, flow)
     for node, name, each in given:
         if is_measured(node, name, [units[name]], frozenset()) or units[name] is not None:
-            what, cure = altered.at(each, _declared(tool.get("output_schema"), name), units[name])
+            what, cure = altered.at(each, declared_numbers(tool.get("output_schema"), name), units[name])
             if what == _COMPUTERS and _COMPUTER_WORDS.search(f"{words} {name}".replace("_", " ")):
                 continue
             if what:
@@ -344,6 +345,9 @@ class _Altered:
             return [node.body, node.orelse]
         if isinstance(node, ast.Call) and (self._name(node) in _PASSES or self._name(node) in _CLIPS):
             return list(node.args)
+        own = self._own(node)
+        if own is not None and isinstance(node, ast.Call) and any(map(self._is_read, node.args)):
+            return [item for item in (*self._flow.results(own), *node.args) if isinstance(item, ast.expr)]
         return [node.operand] if isinstance(node, ast.UnaryOp) else []
 
     def _name(self, node: ast.Call) -> str:
@@ -399,10 +403,14 @@ class _Altered:
         return self._names[function]
 
     def _own(self, node: ast.AST) -> Function | None:
-        """The function of the file that is called."""
-        if not isinstance(node, ast.Call) or not isinstance(node.func, ast.Name):
-            return None
-        own = [each for each in self._source.functions if each.name == node.func.id]
+        """The function of the file that is called, or the method of one of its classes (``Guard.inside(value)``)."""
+        called = node.func if isinstance(node, ast.Call) else None
+        if isinstance(called, ast.Attribute):
+            classes = {item.name for item in self._source.classes}
+            name = called.attr if isinstance(called.value, ast.Name) and called.value.id in classes else None
+        else:
+            name = called.id if isinstance(called, ast.Name) else None
+        own = [each for each in self._source.functions if each.name == name]
         return own[0] if len(own) == 1 else None
 
     def _behind(self, node: ast.AST) -> list[ast.AST]:
@@ -472,11 +480,11 @@ def _is_load(node: ast.AST) -> TypeGuard[ast.Name]:
     return isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
 
 
-def _declared(schema: Any, name: str) -> Numbers | None:
+def declared_numbers(schema: Any, name: str) -> Numbers | None:
     """The bounds that INTERFACE declares of a member, at any depth, and the numbers in its description."""
     found: set[float] = set()
     if isinstance(schema, list):
-        found = {number for item in schema for number in _declared(item, name) or ()}
+        found = {number for item in schema for number in declared_numbers(item, name) or ()}
     elif isinstance(schema, dict):
         members = schema.get("properties")
         member = members.get(name) if isinstance(members, dict) else None
@@ -484,5 +492,5 @@ def _declared(schema: Any, name: str) -> Numbers | None:
             sides = [form.get(side) for side in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum")]
             found |= {float(side) for side in sides if isinstance(side, int | float)}
             found |= {float(text) for text in re.findall(r"-?\d+(?:\.\d+)?", str(form.get("description", "")))}
-        found |= {number for item in schema.values() for number in _declared(item, name) or ()}
+        found |= {number for item in schema.values() for number in declared_numbers(item, name) or ()}
     return frozenset(found) or None

@@ -74,6 +74,14 @@ class Evaluator:
         except (RecursionError, _Leave) as problem:
             raise Unsure from problem
 
+    def run(self, statements: Sequence[ast.stmt], scope: Scope) -> Scope:
+        """The names after some statements of the file."""
+        try:
+            self._block(statements, scope)
+        except (RecursionError, _Leave, _Return) as problem:
+            raise Unsure from problem
+        return scope
+
     def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
         node, taken = inner.node, inner.node.args
         if node in self._source.generators or taken.kwarg or self._depth >= _MAX_DEPTH:

@@ -3,6 +3,7 @@
 import copy
 from collections.abc import Callable, Sequence
 from contextlib import suppress
+from dataclasses import replace
 from typing import Any
 
 import bent_cases as bent
@@ -47,10 +48,17 @@ def identified(where: str, change: Any) -> Found:
 
 
 def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
-    """The judgement of the first server that has what the change is about."""
+    """The judgement of the first server that has what the change is about.
+
+    A pair is a change of the server, and one of INTERFACE.
+    """
+    edit, declares = change if isinstance(change, tuple) else (change, lambda _: None)
     for known in hosts:
         with suppress(Absent):
-            return check("serve", complete(change(known.serve)), known, SCHEMAS)
+            server = complete(edit(known.serve))
+            interface = copy.deepcopy(known.interface)
+            declares(interface)
+            return check("serve", server, replace(known, interface=interface), SCHEMAS)
     raise AssertionError("no server has what the change is about")
 
 

@@ -65,6 +65,19 @@ class Calls:
                     raise Unsure
                 yield call.world, result
 
+    def number(self, node: ast.expr | ast.stmt, name: str, number: float) -> float | None:
+        """What an expression is, or what a name is after a statement, where this name has this number before.
+
+        None where it is no number, or not certainly the same one.
+        """
+        evaluator = Evaluator(self.source, self.world(1000.0, 500.0, {}), [], self._harmless)
+        try:
+            known = {name: number}
+            found = evaluator.run([node], known)[name] if isinstance(node, ast.stmt) else evaluator.value(node, known)
+        except (Unsure, Failed, RecursionError):
+            return None
+        return found if type(found) in (int, float) and not evaluator.taken else None
+
     def _harmless(self, call: ast.Call, name: str, changed: bool) -> bool:
         """Whether a call changes no attribute, and none of the lists and tables that it may be given (``changed``)."""
         if call in self._of_readings and not changed:

@@ -12,15 +12,17 @@ from typing import Any
 
 from octoform.base.escaping import display
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
-from octoform.contracts.model import Artifacts, JsonObject
+from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.movement_words import is_time
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, is_level, maxima_of_lights, numbers_of
-from octoform.contracts.rules.serve.tool_rules import readings_of
+from octoform.contracts.rules.serve.tool_rules import names_passed, readings_of
 from octoform.contracts.rules.serve.value_rules import numbers_read
+from octoform.contracts.rules.serve.write_rules import WISHED
 from octoform.contracts.server_code.computed_values import Spent, Unsure, World
-from octoform.contracts.server_code.server_source import needed_source, walk
+from octoform.contracts.server_code.server_source import Function, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
-OTHERWISE = "SERVE-SETS-OTHERWISE"
+OTHERWISE, CUT = "SERVE-SETS-OTHERWISE", "SERVE-ARGUMENT-CUT"
 _SHARES = (0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
 """Where in its range an argument is tried; what happens at the very ends is the device's own."""
 _TOLERANCE, _FINE = 0.02, 50
@@ -282,3 +284,109 @@ def _given_to_programs(calls: Calls, tool: JsonObject, name: str) -> list[_Given
                 series = [(float(one), float(each[1])) for one, each in zip(tried, found, strict=True)]
                 out.append((node, pattern is _PERCENTAGE, series))
     return out
+
+
+_PARTS = (0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1)
+"""Where in its range an argument is tried that a tool may cut off."""
+_MAX_HELPERS = 3
+
+
+def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """A reading goes by the whole range of its argument, and so does a wait: none ends at a number of the server."""
+    source = needed_source(value)
+    calls = Calls(source, artifacts)
+    hint = "use what the caller passes as it is; a smaller range belongs into INTERFACE, as minimum and maximum"
+    out: dict[ast.AST, Diagnostic] = {}
+    for tool, function in calls.served.values():
+        for name, member in (tool["input_schema"].get("properties") or {}).items():
+            tried = _over_range(member) if tool["effect"] == "read" or is_time(name) else []
+            try:
+                found = _cut(calls, function, name, tried, _MAX_HELPERS) if tried else None
+            except Spent:
+                return list(out.values())
+            if found is None or (WISHED.search(member.get("description", "")) and not _cuts_default(member, found[1])):
+                continue
+            node, (given, used) = found
+            summary = f"the tool {display(tool['name'])}, given {given:g} for {display(name)}, goes by {used:g}"
+            out.setdefault(node, source.problem(CUT, node, summary, hint))
+    return list(out.values())
+
+
+RULES = (Rule(CUT, argument_cut),)
+
+
+def _over_range(member: Any) -> list[float]:
+    low, high = (member.get(each) if isinstance(member, dict) else None for each in ("minimum", "maximum"))
+    if not isinstance(low, int | float) or not isinstance(high, int | float) or "enum" in member or high <= low:
+        return []
+    numbers = [low + part * (high - low) for part in _PARTS]
+    return sorted({round(each) for each in numbers}) if member.get("type") == "integer" else numbers
+
+
+def _cuts_default(member: Mapping[str, Any], example: tuple[float, float]) -> bool:
+    """Whether the default of a wish is beyond the number at which a tool cuts it off."""
+    given, used = example
+    usual = member.get("default")
+    return isinstance(usual, int | float) and (usual > used if given > used else usual < used)
+
+
+def _cut(
+    calls: Calls, function: Function, name: str, tried: list[float], depth: int
+) -> tuple[ast.AST, tuple[float, float]] | None:
+    """(where, (argument, what is left of it)) where each use of a parameter is of what is left of it."""
+    source = calls.source
+    uses = [item for part in function.body for item in walk(part) if isinstance(item, ast.Name) and item.id == name]
+    if any(isinstance(item.ctx, ast.Store) for item in uses):
+        first = next(part for part in function.body if uses[0] in walk(part))
+        example = _example([(each, calls.number(first, name, each)) for each in tried])
+        return (first, example) if example is not None else None
+    found: tuple[ast.AST, tuple[float, float]] | None = None
+    for item in uses:
+        above = [each for each, _ in source.above(item)]
+        if any(isinstance(each, ast.Raise | ast.JoinedStr) for each in above):
+            continue  # an error that names it
+        mine = _cut_where_used(calls, item, above, tried) or _cut_by_helper(calls, item, above, tried, depth)
+        if mine is None:
+            return None
+        found = found or mine
+    return found
+
+
+def _cut_where_used(
+    calls: Calls, use: ast.Name, above: list[ast.AST], tried: list[float]
+) -> tuple[ast.AST, tuple[float, float]] | None:
+    for node in (each for each in above if not isinstance(each, ast.keyword)):
+        numbers = [calls.number(node, use.id, each) for each in tried] if isinstance(node, ast.expr) else [None]
+        if None in numbers:
+            return None
+        example = _example([*zip(tried, numbers, strict=True)])
+        if example is not None:
+            return node, example
+    return None
+
+
+def _cut_by_helper(
+    calls: Calls, use: ast.Name, above: list[ast.AST], tried: list[float], depth: int
+) -> tuple[ast.AST, tuple[float, float]] | None:
+    call = next((each for each in above if isinstance(each, ast.Call)), None)
+    own: dict[str, Function] = {item.name: item for item in calls.source.functions}
+    if depth == 0 or call is None or not (use in call.args or any(use is each.value for each in call.keywords)):
+        return None
+    named = getattr(call.func, "id", "")
+    inner = own.get(named) or next(
+        (own[each.id] for each in call.args if isinstance(each, ast.Name) and each.id in own), None
+    )
+    names = [parameter for parameter, given in names_passed(own, call) if given == use.id]
+    return _cut(calls, inner, names[0], tried, depth - 1) if inner is not None and len(names) == 1 else None
+
+
+def _example(pairs: list[tuple[float, float | None]]) -> tuple[float, float] | None:
+    """(argument, what is left of it) where an argument is used as it is up to a number, and beyond as that one."""
+    known = [(given, used) for given, used in pairs if used is not None]
+    beyond = [(given, used) for given, used in known if used != given]
+    above = {used for given, used in beyond if used < given}
+    below = {used for given, used in beyond if used > given}
+    if len(known) < len(pairs) or not beyond or len(beyond) == len(known) or len(above) > 1 or len(below) > 1:
+        return None
+    sides = all((used in above and given > used) or (used in below and given < used) for given, used in beyond)
+    return max(beyond, key=lambda each: abs(each[0] - each[1])) if sides else None

@@ -7,7 +7,7 @@ each attribute (Documentation/hwmon, ABI/testing). Only a result that follows an
 import ast
 import itertools
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from octoform.base.escaping import display, listed
@@ -23,6 +23,7 @@ from octoform.contracts.rules.serve.computed_calls import (
     with_unit,
 )
 from octoform.contracts.rules.serve.value_rules import constant_reading, default_reading, numbers_read
+from octoform.contracts.server_code.chosen_values import declared_numbers
 from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
 from octoform.contracts.server_code.server_source import Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
@@ -33,7 +34,9 @@ _SWEEPS = ((20_000, 137), (20_000, 600), (200, 1), (3000, 7))
 """First raw number and step of each series that a reading is computed for."""
 _IN_A_SERIES = 61
 _NEIGHBOURS = (0, 1, 30, 31, 59, 60)
-_SPEAKS_OF_STEPS = ("step", "round", "nearest", "multiple", "resolution", "coarse", "tens of", "bars", "level")
+_SPEAKS_OF_STEPS = ("whole", "step", "round", "nearest", "multiple", "resolution", "coarse", "tens of", "bars", "level")
+_WHOLE, _OF_KERNEL = 0.999, frozenset({"degC", "degF", "K", "V", "A", "W"})
+"""From which step on a reading is whole in one of these units, of which the kernel counts thousandths and less."""
 
 
 def coarse_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -67,8 +70,9 @@ def _step_of(calls: Calls, tool: JsonObject) -> tuple[str, float, str] | None:
     units = dict(numbers_read(tool.get("output_schema") or {}))
     given = next(arguments(tool, tool["devices"][0]))
     first = next(calls.outcomes(tool["name"], given, calls.world(1000.0, 500.0, {})), None)
+    schema = tool.get("output_schema") or {}
     for key in list(first[0].read) if first is not None else ():
-        for begin, step in _SWEEPS:
+        for begin, step in _sweeps(key):
             series = [f"{begin + step * at}" for at in range(_IN_A_SERIES)]
             # Where neighbours differ at both ends and in the middle, the steps are finer than the series.
             few = results_of(calls, tool, given, ({key: series[at]} for at in _NEIGHBOURS))
@@ -81,6 +85,8 @@ def _step_of(calls: Calls, tool: JsonObject) -> tuple[str, float, str] | None:
                 known = {each for row in found for _, each in row}
                 gaps = [two - one for one, two in itertools.pairwise(numbers)]
                 wide = bool(gaps) and min(gaps) > max(1.5, _TOLERANCE * max(map(abs, numbers)))
+                whole = bool(gaps) and min(gaps) > _WHOLE and _is_finer(key) and known <= _OF_KERNEL
+                wide = wide or (whole and not _is_integer(schema, name))
                 if wide and len(numbers) * 4 <= _IN_A_SERIES and len(known) == 1 and not known & {None, "%"}:
                     return name, min(gaps), str(known.pop())
     return None
@@ -118,6 +124,9 @@ _APART = {"rpm": ("degC", "V", "A", "W", "kPa"), "degC": ("V", "A", "W", "rpm", 
 _SECTOR = 512
 _ADDS_UP, _HAS_A_SIGN, _FAR = frozenset({"W", "A"}), frozenset({"degC", "A"}), 100.0
 _AMOUNTS = (15.0, 30.0, 60.0)
+_BELOW, _ABOVE = (-39.0, -24.0, -12.0, -3.0), (0.5, 1, 2, 5, 10, 15, 30, 45, 60, 75, 90, 105, 120)
+_REVOLUTIONS, _IN_ITS_RANGE = 100, 5
+"""How many revolutions are tried for one of another unit, and how many numbers are left of what is cut off."""
 _OF_FAHRENHEIT = 5 / 9
 _SENSES = {"removable": ("removable",), "rotational": ("rotational",), "ro": ("read_only", "readonly", "ro")}
 _MOST = re.compile(r"(?:.*_)?max(?:imum)?(?:_.*)?")
@@ -148,6 +157,37 @@ def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 out.setdefault(function, source.problem(OTHERWISE, function, summary, hint))
     cause = out and (constant_reading(value, artifacts) or default_reading(value, artifacts))
     return [] if cause else list(out.values())
+
+
+def _sweeps(key: Key) -> Iterable[tuple[int, int]]:
+    """First raw number and step of each series for an attribute: those for all, and 20 of its unit and on."""
+    meaning = _meaning(key)
+    own = [(round(20 / meaning.one), round(0.137 / meaning.one))] if meaning is not None and _is_finer(key) else []
+    return dict.fromkeys((*own, *_SWEEPS))
+
+
+def _is_finer(key: Key) -> bool:
+    """Whether the kernel counts a tenth of the unit, or less, in an attribute."""
+    meaning = _meaning(key)
+    return meaning is not None and meaning.one < 0.2
+
+
+def _is_integer(schema: Any, name: str) -> bool:
+    """Whether INTERFACE declares a member as an integer, wherever it is in a result."""
+    if isinstance(schema, list):
+        return any(_is_integer(item, name) for item in schema)
+    if not isinstance(schema, dict):
+        return False
+    members = schema.get("properties")
+    member = members.get(name) if isinstance(members, dict) else None
+    forms = [member, *member.get("anyOf", ())] if isinstance(member, dict) else []
+    kinds = {
+        str(kind)
+        for form in forms
+        if "type" in form
+        for kind in (form["type"] if isinstance(form["type"], list) else [form["type"]])
+    }
+    return ("integer" in kinds and "number" not in kinds) or any(_is_integer(item, name) for item in schema.values())
 
 
 def _misnamed(source: Source, hint: str) -> Iterator[tuple[ast.AST, Diagnostic]]:
@@ -191,6 +231,7 @@ def _otherwise(calls: Calls, tool: JsonObject, device: str, shown: set[str], wri
             continue
         for name, unit in units.items() if None not in results[: len(_AMOUNTS)] else ():
             yield from _misread(name, unit, meaning, len(same), results)
+        yield from _cut_off(calls, tool, given, same, meaning)
     for key in keys:
         yield from _turned(calls, tool, given, key)
         yield from _sized(calls, tool, given, key)
@@ -238,6 +279,28 @@ def _misread(name: str, unit: str | None, meaning: _Meaning, several: int, resul
         elif below and below[0] - zero > 0.5 * gain * _AMOUNTS[0]:
             what = f"a {display(name)} of {below[0]:g} {shown} where the kernel counts"
             yield f"{what} {round(-_AMOUNTS[0] / meaning.one)}, which is {zero - gain * _AMOUNTS[0]:g} {shown}"
+
+
+def _cut_off(
+    calls: Calls, tool: JsonObject, given: Mapping[str, Any], keys: Sequence[Key], meaning: _Meaning
+) -> Iterator[str]:
+    """A bound of the server at which a reading ends, though INTERFACE declares none and the attribute goes on."""
+    if meaning.unit == "%":
+        return
+    counts = (_REVOLUTIONS if meaning.unit == "rpm" else 1) / meaning.one
+    amounts = [*(_BELOW if meaning.unit in _HAS_A_SIGN else ()), *_ABOVE]
+    results = [_result(calls, tool, given, keys, round(each * counts)) for each in amounts]
+    schema = tool.get("output_schema") or {}
+    for name, unit in numbers_read(schema) if None not in results else ():
+        rows = [with_unit(each, name, unit) for each in results]
+        allowed = declared_numbers(schema, name) or frozenset()
+        for column in zip(*rows, strict=False) if len({len(row) for row in rows}) == 1 else ():
+            shown, numbers = column[0][1], [number for number, _ in column]
+            kept = shown == meaning.unit or (meaning.unit, shown) in _INTO
+            ends = [end[0] for end in (numbers[-2:], numbers[:2]) if len(set(end)) == 1]
+            for end in ends if kept and len(set(numbers)) >= _IN_ITS_RANGE else ():
+                if end not in allowed | {0.0}:
+                    yield f"a {display(name)} that is cut off at {end:g} {shown}, which INTERFACE does not declare"
 
 
 def _turned(calls: Calls, tool: JsonObject, given: Mapping[str, Any], key: Key) -> Iterator[str]:

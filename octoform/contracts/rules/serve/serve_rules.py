@@ -486,6 +486,7 @@ RULES = (
     *write_rules.RULES,
     *SETTING_RULES,
     *scale_rules.RULES,
+    *outcome_rules.RULES,
     *line_rules.RULES,
     *exchange_rules.RULES,
     *profile_rules.RULES,

@@ -167,7 +167,7 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for call, _ in source.calls:
             if source.owner(call) not in roots:
                 continue
-            pairs = _passed(own, call)
+            pairs = names_passed(own, call)
             crossed = [(one, two) for one, two in pairs if one < two and two in taken and (two, one) in pairs]
             for one, two in (each for each in crossed if each[0] in taken):
                 names = f"{display(one)} and {display(two)}"
@@ -176,7 +176,7 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-def _passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
+def names_passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
     """(parameter, name that is passed for it) of a call of a function of the file, or of one that is handed on."""
     function, given = own.get(getattr(call.func, "id", "")), call.args
     if function is None and call.args and isinstance(call.args[0], ast.Name):

@@ -174,7 +174,7 @@ def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-_WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
+WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
 
 
 def _binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
@@ -185,7 +185,7 @@ def _binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
     members = tool["input_schema"].get("properties") or {}
     member = members[name] if isinstance(members[name], dict) else {}
     counts = member.get("type") in ("integer", "number") and bool(loaded & members.keys() - {"device"})
-    return name == "device" or is_time(name) or (counts and not _WISHED.search(member.get("description", "")))
+    return name == "device" or is_time(name) or (counts and not WISHED.search(member.get("description", "")))
 
 
 def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
