@@ -105,8 +105,8 @@ _NOTED_OF_THE_MACHINE = (
 """What root's agent could leave to be run; packages that are being installed change it as well: reported, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
-_PROGRAMS = ("uv", "bwrap", "git", "node", "npm", "npx", "loginctl", "ssh", "sh", "true", "python3")
-"""The programs that octoform calls by name, beside those of `SCHEDULERS`."""
+_PROGRAMS: tuple[str, ...] = ("uv", "bwrap", "git", "node", "npm", "npx", "loginctl", "ssh", "sh", "true", "python3")
+"""The programs that octoform calls by name; those of `SCHEDULERS` are added there."""
 _PACKAGES_OF_A_PERSON = tuple(f".local/lib/python3.{minor}/site-packages" for minor in range(8, 20))
 """Of each Python that a person may have."""
 _AGENTS = (
@@ -345,6 +345,7 @@ SCHEDULERS = {
     "list of transient units": ("systemctl", "--user", "list-units", "--all", "--plain", "--no-legend", "run-*"),
 }
 """The lists of what services of the system run for a person, outside of any attempt, and what shows each."""
+_PROGRAMS += tuple(words[0] for words in SCHEDULERS.values())
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""
 

@@ -104,6 +104,8 @@ PLANTS = {
     "{home}/.local/lib/python3.11/site-packages/x.pth": "d={home}/.local/lib/python3.11/site-packages; "
     "mkdir -p $d; echo 'import os' > $d/x.pth; touch $d/usercustomize.py",
     "{home}/.local/lib/python3.11/site-packages/usercustomize.py": "true",
+    "{home}/bin/systemctl": "mkdir -p {home}/bin; printf '#!/bin/sh\ntouch {mark}\n' > {home}/bin/systemctl; "
+    "chmod +x {home}/bin/systemctl",
     "{home}/bin/git": "mkdir -p {home}/bin; printf '#!/bin/sh\ntouch {mark}\n' > {home}/bin/git; "
     "chmod +x {home}/bin/git",
     "{home}/.vimrc": "echo ':!touch {mark}' > {home}/.vimrc",
