@@ -10,11 +10,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from bench_host import written
+from bench_host import outputs, watched, written
 from cases import for_each
 from held import Edit, Output, refusals
 from server_edits import ASK, ASKED, CAMERA, FILE, FLUSHED, WHOLE, adds, all_of, body, line, read_by, swap, uses, warm
 
+from octoform.builtin.probe import probe_root
 from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.serve.serve_rules import serve_static
 
@@ -656,12 +657,14 @@ def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Cal
 
 
 @for_each("way", RIGHT, parts=2)
-def test_a_right_way_to_read_gives_no_finding(way: str, desk_server: tuple[Output, str]) -> None:
-    interface, good = desk_server
+def test_a_right_way_to_read_gives_no_finding(way: str, bench_server: tuple[Output, str]) -> None:
+    interface, good = bench_server
     assert serve_static(all_of(IMPORTS, reading_by(way, 0))(good), interface) == []
 
 
 @pytest.fixture(scope="module")
-def desk_server(tmp_path_factory: pytest.TempPathFactory) -> tuple[Output, str]:
-    earlier, good = written(tmp_path_factory.mktemp("desk") / "host")
-    return earlier["interface"], good
+def bench_server(tmp_path_factory: pytest.TempPathFactory) -> tuple[Output, str]:
+    root = watched(tmp_path_factory.mktemp("bench") / "host")
+    made = outputs(root, probe_root(root), 1000)
+    assert made.interface and made.serve
+    return made.interface, made.serve
