@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from octoform.base.files import private_folder
-from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.diagnostics import Diagnostic, as_warning, did_you_mean, error
 from octoform.endpoint.access import tunnel
 from octoform.endpoint.process import record, start_stop, systemd
 from octoform.endpoint.process.record import Running, running
@@ -15,7 +15,7 @@ from octoform.endpoint.process.systemd import watch_name, watch_path, watch_text
 from octoform.endpoint.published_files import LAUNCHER, of_another
 from octoform.engine.tools import layout_of
 from octoform.records import dataclass
-from octoform.state.files import write_atomic
+from octoform.state.files import foreign, write_atomic
 from octoform.state.layout import Layout
 
 
@@ -84,20 +84,42 @@ def _start(
 
 
 def stop(project: Path, environ: Mapping[str, str], host: str | None) -> tuple[Stopped | None, list[Diagnostic]]:
-    """End the endpoint's process of the manifest's host, or of ``host``, and let nothing start it by itself."""
+    """End the endpoint's process of the manifest's host, or of ``host``, and let nothing start it by itself.
+
+    A manifest, spec or profile with errors is in no one's way: they are warnings where the folder has one endpoint.
+    """
     layout, found = layout_of(project, environ) if host is None else _named(project, host)
+    if layout is None and host is None:
+        layout, found = _only(project, found)
     if layout is None:
         return None, found
     # First the mark: an observer of the process's end finds that a person wanted it.
     problem = record.mark(layout)
     done = start_stop.stop(layout)
+    found = [*found, problem] if problem is not None else found
     if problem is not None and done.process is None:
-        return None, [problem]
-    return Stopped(layout.host, done.process, done.firmly), [problem] if problem else []
+        return None, found
+    return Stopped(layout.host, done.process, done.firmly), found
+
+
+def _hosts(project: Path) -> list[str]:
+    return sorted(path.parent.name for path in project.glob(".octoform/*/run"))
+
+
+def _only(project: Path, found: list[Diagnostic]) -> tuple[Layout | None, list[Diagnostic]]:
+    """The one host of the folder, where the manifest cannot be read; else None, and the command that names one."""
+    hosts = _hosts(project)
+    layout = Layout(project, hosts[0]) if len(hosts) == 1 else None
+    if layout is not None and foreign(layout) is None:
+        return layout, [as_warning(each) for each in found]
+    if len(hosts) > 1:
+        hint = " or ".join(f"octoform stop {name}" for name in hosts[:5])
+        found = [*found, error("ENDPOINT-NOT-APPLIED", "which endpoint is to be stopped is not known", hint=hint)]
+    return None, found
 
 
 def _named(project: Path, host: str) -> tuple[Layout | None, list[Diagnostic]]:
-    known = sorted(path.parent.name for path in project.glob(".octoform/*/run"))
+    known = _hosts(project)
     if host in known:
         return Layout(project, host), []
     near = did_you_mean(host, known)

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from octoform.cli.dispatch import Stopped
 from octoform.cli.parser import UsageError
+from octoform.diagnostics import has_errors
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 
@@ -33,14 +34,17 @@ def run_start(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_stop(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Exit code 0 when no process of the endpoint is left."""
+    """Exit code 0 when no process of the endpoint is left, and nothing starts another."""
     from octoform.engine.endpoint_process import stop
     from octoform.views.endpoint import process
 
     done, found = stop(project, os.environ, arguments.host)
     if done is None:
         return problems.show(screen, found, as_json=arguments.json)
-    return process.stopped(screen, done, as_json=arguments.json)
+    held = not has_errors(found)
+    problems.show(screen, found)
+    process.stopped(screen, done, stays=held, as_json=arguments.json)
+    return 0 if held else 1
 
 
 def run_restart(arguments: Namespace, project: Path, screen: Console) -> int:

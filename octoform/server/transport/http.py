@@ -16,7 +16,7 @@ import socket
 from collections import OrderedDict
 from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, cast
 from urllib.parse import parse_qsl, urlsplit
 
 import anyio
@@ -62,6 +62,8 @@ PROTOCOL_LOGGER = logging.getLogger("octoform.connections")
 PROTOCOL_LOGGER.addFilter(Throttle())
 
 _births = itertools.count()
+_LATE = "octoform.late"
+"""Of a request's scope: this side closed the connection, and has logged it."""
 
 
 class Connection(H11Protocol):
@@ -139,7 +141,11 @@ class Connection(H11Protocol):
             self._deadline = None
 
     def _give_up(self, phase: str) -> None:
-        if phase != "linger":
+        if phase == "body":
+            scope = cast(Scope, self.scope)
+            scope[_LATE] = True
+            LOGGER.warning("%s: the connection was closed: its body did not come in time", _request(scope))
+        elif phase != "linger":
             PROTOCOL_LOGGER.warning("a connection was closed: its %s did not come in time", phase)
         self.transport.abort()
 
@@ -423,7 +429,8 @@ def _heard(scope: Scope, receive: Receive, body: list[bytes], under_way: anyio.C
         nonlocal whole
         message = await receive()
         if message["type"] == "http.disconnect" and not whole:
-            LOGGER.warning("%s: the client hung up before its body was whole", _request(scope))
+            if not scope.get(_LATE):
+                LOGGER.warning("%s: the client hung up before its body was whole", _request(scope))
             # To what is behind it, this is a failure that it logs with its stack, and no one is left to answer.
             under_way.cancel()
             await anyio.lowlevel.checkpoint()

@@ -17,6 +17,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.values import escape
 
 _STAYS = "  it stays stopped until octoform start or apply; other clients are refused"
+_PASSES = "  this could not be written down: the daemon, the next client or a boot may start it again"
 
 
 def started(console: Console, done: Started, *, as_json: bool) -> int:
@@ -33,20 +34,20 @@ def started(console: Console, done: Started, *, as_json: bool) -> int:
     return 0
 
 
-def stopped(console: Console, done: Stopped, *, as_json: bool) -> int:
-    """Show the stopped process."""
+def stopped(console: Console, done: Stopped, *, stays: bool, as_json: bool) -> None:
+    """Show the stopped process; ``stays`` when nothing but a person starts it again."""
     pid = done.process.pid if done.process else None
     if as_json:
         document = {"format": 1, "host": done.host, "running": False, "pid": pid, "firmly": done.firmly}
+        document["stays"] = stays
         console.raw(json.dumps(document))
     elif pid is None:
         console.line(f"{done.host}: the endpoint was not running")
-        console.line(_STAYS)
     else:
         how = " firmly, because it did not end by itself" if done.firmly else ""
         console.line(f"{done.host}: the endpoint was stopped{how} (process {pid})")
-        console.line(_STAYS)
-    return 0
+    if not as_json:
+        console.line(_STAYS if stays else _PASSES)
 
 
 # Views of service install and uninstall: the unit first, then the question, then what was done.

@@ -222,6 +222,22 @@ def test_a_client_that_hangs_up_within_a_body_is_one_line_in_the_log(
     assert line == "POST '/mcp' from 127.0.0.1: the client hung up before its body was whole"
 
 
+def test_a_body_that_does_not_come_is_one_line_in_the_log(
+    opened: Door, caplog: pytest.LogCaptureFixture, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, "body": 0.3})
+    monkeypatch.setattr(LOGGER, "filters", [])
+    with opened.connect() as connection:
+        connection.sendall(head(opened, "Content-Length: 90") + b"{")
+        connection.settimeout(10)
+        with contextlib.suppress(ConnectionError):
+            while connection.recv(4096):
+                pass
+    assert serves(opened) < 10
+    lines = [record.getMessage() for record in caplog.records if record.levelname == "WARNING"]
+    assert lines == ["POST '/mcp' from 127.0.0.1: the connection was closed: its body did not come in time"]
+
+
 def test_headers_that_drip_do_not_move_the_deadline(opened: Door, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Connection, "seconds", {**Connection.seconds, "head": 0.5})
     with opened.connect() as connection:
