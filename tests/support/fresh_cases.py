@@ -11,8 +11,9 @@ import wrong_deploys as deploy
 import wrong_interfaces as interface
 from guarded_servers import READ
 from identify_cases import ENV, GPIO, called, cited, more, put
+from novel_servers import CHIP
 from probe_cases import ARM, BATTERY, CAMERA, DISK, KESTREL, KEYS, LINE, SOUND, WIFI
-from server_edits import ASKED, FILE, FLUSHED, body, read_by, warm
+from server_edits import ASKED, FILE, FLUSHED, adds, all_of, body, read_by, swap, uses, warm
 from server_edits import CAMERA as OPENED
 from wrong_servers import picture, says, temperature
 
@@ -255,4 +256,135 @@ DEPLOY_RIGHT: dict[str, Any] = {
     "names in another spelling": lambda value: value["requirements"][1].update(name="OpenCV_Python.Headless"),
     "without a range of Python": lambda value: value.pop("python"),
     "without reasons": lambda value: [each.pop("why") for each in value["requirements"]],
+}
+
+
+CHANNELS = f"files = runtime.files({CHIP}, 'temp*_input')\nrows = []\n"
+MADE = "Reading(sensor='benchtemp', channel=file.name[:5], label='board', value={}, unit='degC')"
+ROW = MADE.format("float(file.read_text()) / 1000")
+NONE = "if not rows:\n    raise ToolError('no channel can be read; see whether the driver works')\n"
+GIVEN = "return Readings(device=device, readings=rows, unreadable={})"
+EMPTY = f"{NONE}{GIVEN.format('[]')}"
+TRIED = "for file in files:\n    try:\n        rows.append({})\n    except OSError:\n        {}\n"
+HEAT = """
+def heat(file):
+    try:
+        return float(file.read_text()) / 1000
+    except (OSError, ValueError):
+        return None
+"""
+STREAM = f"""
+def stream(files):
+    for file in files:
+        try:
+            yield {ROW}
+        except OSError:
+            continue
+"""
+TAKE = f"""
+def take(file, dead):
+    try:
+        return [{ROW}]
+    except OSError:
+        dead.append(file.name)
+        return []
+"""
+DEAD = "unreadable=[row[1] for row in found if row[3] is None]"
+
+
+def heats(text: str, *edits: Any) -> Any:
+    """`read_temperature` of several channels."""
+    return all_of(*edits, body("read_temperature", text))
+
+
+SERVE_WRONG |= {
+    f"lost: {name}": case
+    for name, case in {
+        "a channel that is skipped": heats(CHANNELS + TRIED.format(ROW, "continue") + EMPTY),
+        "a channel that is passed over": heats(CHANNELS + TRIED.format(ROW, "pass") + EMPTY),
+        "a channel that is logged": heats(
+            CHANNELS + TRIED.format(ROW, "logging.warning('no %s', file)\n        continue") + EMPTY, uses("logging")
+        ),
+        "a channel whose error is suppressed": heats(
+            f"{CHANNELS}for file in files:\n    with contextlib.suppress(OSError):\n"
+            f"        rows.append({ROW})\n{EMPTY}",
+            uses("contextlib"),
+        ),
+        "a reading that is None": heats(
+            f"{CHANNELS}for file in files:\n    value = runtime.read_number(file, 0.001)\n"
+            f"    if value is None:\n        continue\n    rows.append({MADE.format('value')})\n{EMPTY}"
+        ),
+        "a reading that is not None": heats(
+            f"{CHANNELS}for file in files:\n    if (value := runtime.read_number(file, 0.001)) is not None:\n"
+            f"        rows.append({MADE.format('value')})\n{EMPTY}"
+        ),
+        "in a comprehension": heats(
+            f"{CHANNELS}rows = [{MADE.format('value')} for file in files "
+            f"if (value := heat(file)) is not None]\n{EMPTY}",
+            adds(HEAT),
+        ),
+        "in a table": heats(
+            f"{CHANNELS}found = {{file: heat(file) for file in files}}\n"
+            f"rows = [{MADE.format('value')} for file, value in found.items() if value is not None]\n{EMPTY}",
+            adds(HEAT),
+        ),
+        "by the rows of the runtime": swap(DEAD, "unreadable=[]"),
+        "by the rows of the runtime, as a list of nothing": swap(DEAD, "unreadable=list()"),
+        "by a list that stays empty": heats(
+            CHANNELS + "dead = []\n" + TRIED.format(ROW, "continue") + NONE + GIVEN.format("dead")
+        ),
+        "by a generator": heats(f"{CHANNELS}rows = list(stream(files))\n{EMPTY}", adds(STREAM)),
+        "in a dictionary": heats(
+            CHANNELS
+            + TRIED.format(ROW, "continue")
+            + NONE
+            + "return {'device': device, 'readings': rows, 'unreadable': []}"
+        ),
+        "in a result that is filled later": heats(
+            f"{CHANNELS}found = Readings(device=device, readings=[], unreadable=[])\n"
+            + TRIED.format(ROW, "continue").replace("rows.append", "found['readings'].append")
+            + "return found"
+        ),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"lost: {name}": case
+    for name, case in {
+        "listed in the handler": heats(
+            CHANNELS + "dead = []\n" + TRIED.format(ROW, "dead.append(file.name)") + NONE + GIVEN.format("dead")
+        ),
+        "listed in the result": heats(
+            f"{CHANNELS}found = Readings(device=device, readings=[], unreadable=[])\n"
+            + TRIED.format(ROW, "found['unreadable'].append(file.name)").replace(
+                "rows.append", "found['readings'].append"
+            )
+            + "if not found['readings']:\n    raise ToolError('no channel can be read')\nreturn found"
+        ),
+        "listed by a function": heats(
+            f"{CHANNELS}dead = []\nfor file in files:\n    rows += take(file, dead)\n{NONE}{GIVEN.format('dead')}",
+            adds(TAKE),
+        ),
+        "added as it comes": heats(
+            CHANNELS + "dead = []\n" + TRIED.format(ROW, "dead += [file.name]") + NONE + GIVEN.format("dead")
+        ),
+        "none is skipped": heats(f"{CHANNELS}for file in files:\n    rows.append({ROW})\n{EMPTY}"),
+        "an error of one that fails": heats(
+            CHANNELS + TRIED.format(ROW, "raise ToolError(f'no reading of {file.name}') from None") + EMPTY
+        ),
+        "one that is tried again": read_by(
+            f"for left in (2, 1, 0):\n    try:\n        value = float(({FILE}).read_text())\n        break\n"
+            "    except OSError:\n        if not left:\n            raise\n        time.sleep(0.05)"
+        ),
+        "one of two files": read_by(
+            "for name in ('temp1_average', 'temp1_input'):\n    try:\n"
+            f"        value = float(({CHIP} / name).read_text())\n        break\n"
+            "    except FileNotFoundError:\n        continue\nelse:\n    raise ToolError('no such channel')"
+        ),
+        "a label that may be missing": heats(
+            f"{CHANNELS}for file in files:\n    label = file.name\n    try:\n"
+            "        label = file.with_name(file.name.replace('input', 'label')).read_text().strip()\n"
+            "    except FileNotFoundError:\n        pass\n"
+            f"    rows.append({ROW.replace(chr(39) + 'board' + chr(39), 'label')})\n{EMPTY}"
+        ),
+    }.items()
 }
