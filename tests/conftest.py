@@ -20,7 +20,7 @@ from kept_environments import KeptEnvironments
 from projects import Project
 from session_folders import remove_session_folders
 
-from octoform.base.files import replace
+from octoform.base.files import remove_tree, replace
 from octoform.endpoint import bounded_program
 from octoform.endpoint.environment.build import GUESS, build, has_environment, prepare
 from octoform.endpoint.environment.lockfile import resolve
@@ -161,11 +161,11 @@ def packaged(tmp_path_factory: pytest.TempPathFactory, compiled: Path) -> Callab
                 locked, found = resolve([*GUESS, *packages], layout.project)
                 assert locked is not None, found
                 donors = [layout.environments / path.name for path in compiled.iterdir() if path.is_dir()]
-                for donor in donors:  # whose bytecode is linked
-                    donor.symlink_to(compiled / donor.name)
+                for donor in donors:  # copies of links, since the bytecode of one that serves nothing is moved
+                    subprocess.run(["cp", "-al", str(compiled / donor.name), str(donor)], check=True)
                 environment, found = build(layout, locked)
                 for donor in donors:
-                    donor.unlink()
+                    remove_tree(donor)
                 assert environment is not None, found
         KEPT.watch(layout.environments)
         return layout.environments

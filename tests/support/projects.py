@@ -195,26 +195,28 @@ class Project:
     def take_bytecode(self, folder: Path) -> None:
         """Build own environments, but compile none of the packages that those in a folder have.
 
-        For tests of projects whose packages are their own; `octoform destroy` would stumble over the links.
+        For tests of projects whose packages are their own. The bytecode is moved to the first of them, so it comes from
+        copies, which are dropped as every environment without an endpoint is, and may be given to another owner.
         """
-        own = self.local / "environments"
-        own.mkdir(mode=0o700, parents=True)
-        for path in folder.iterdir():
-            if path.is_dir():
-                (own / path.name).symlink_to(path)
+        self._donors(folder, "-a")
 
     @contextmanager
     def borrowed_bytecode(self, folder: Path) -> Iterator[None]:
         """The same for the block alone, where environments of its own are there already."""
-        own = self.local / "environments"
-        links = [own / path.name for path in folder.iterdir() if path.is_dir() and not (own / path.name).exists()]
-        for link in links:
-            link.symlink_to(folder / link.name)
+        donors = self._donors(folder, "-al")
         try:
             yield
         finally:
-            for link in links:
-                link.unlink(missing_ok=True)
+            for donor in donors:
+                shutil.rmtree(donor, ignore_errors=True)
+
+    def _donors(self, folder: Path, how: str) -> list[Path]:
+        own = self.local / "environments"
+        own.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = [path for path in folder.iterdir() if path.is_dir() and not (own / path.name).exists()]
+        for path in found:
+            subprocess.run(["cp", how, str(path), str(own)], check=True)
+        return [own / path.name for path in found]
 
     def own_specs(self) -> Path:
         """Give the project its own copies of the shipped specs; the folder."""
