@@ -122,7 +122,8 @@ _OTHER_SERVER = re.compile(r"^server\.py is not the one that the endpoint was ma
 """A damaged one is reported by its path; one that was accepted since is reported as such."""
 _ELSEWHERE = re.compile(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
 """Reasons that are about the process, or about a check of former days: the process itself is asked instead."""
-_OF_PERSON = re.compile(r"built for another set of packages")
+_OF_PERSON = re.compile(r"built for another set of packages|published by another version of octoform")
+"""Nothing is damaged, and what was applied serves; a person's apply brings the other in."""
 _MISSING = re.compile(r"No module named '?(?P<name>[A-Za-z_]\w*)")
 _IMPORT = re.compile(r"\b(ModuleNotFoundError|ImportError)\b|/site-packages/")
 

@@ -150,6 +150,8 @@ def test_what_is_well_gives_nothing_and_so_does_a_host_that_is_being_applied() -
     assert said(replace(DEAD, stopped_by="a person")) == []
     assert said(replace(DEAD, stopped_by="a person", start_failed="ImportError")) == []
     assert said(replace(WELL, latched=True)) == []
+    for of_a_person in ("published by another version of octoform", "built for another set of packages"):
+        assert said(replace(WELL, endpoint=(f"the endpoint was {of_a_person}",))) == []
 
 
 def test_a_process_is_not_started_on_what_is_damaged_and_is_once_that_is_repaired() -> None:
