@@ -3,7 +3,9 @@
 import textwrap
 from collections.abc import Callable, Iterator
 from dataclasses import asdict
+from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from octoform.engine.coverage import OFFERED, Counted, Coverage, CoverageReport, Device, Share, Standing
 from octoform.engine.coverage_runs import Disagreement, Pass, Stability
@@ -14,6 +16,9 @@ from octoform.views.format.output import document
 from octoform.views.format.table import Column
 from octoform.views.format.values import one_line
 from octoform.views.plan_text import counted
+
+if TYPE_CHECKING:
+    from jinja2 import Template
 
 LATEST = 10
 WIDEST = 140
@@ -355,18 +360,8 @@ def page(report: CoverageReport) -> str:
 
     It has no script, takes nothing from elsewhere and has every foreign text escaped.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only a page pays for it
-
-    environment = Environment(
-        loader=FileSystemLoader(TEMPLATES),
-        undefined=StrictUndefined,
-        autoescape=True,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    environment.filters["foreign"] = lambda text, longest=MAX_LENGTH: one_line(str(text), longest)
     found = report.coverage
-    return environment.get_template("coverage.html.j2").render(
+    return _template().render(
         report=report,
         found=found,
         words=words,
@@ -383,6 +378,22 @@ def page(report: CoverageReport) -> str:
         skipped=skipped,
         tables=_tables(report),
     )
+
+
+@cache
+def _template() -> "Template":
+    """The template of the page, compiled once per process."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined  # only a page pays for it
+
+    environment = Environment(
+        loader=FileSystemLoader(TEMPLATES),
+        undefined=StrictUndefined,
+        autoescape=True,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["foreign"] = lambda text, longest=MAX_LENGTH: one_line(str(text), longest)
+    return environment.get_template("coverage.html.j2")
 
 
 def _shares(found: Coverage) -> list[tuple[str, str, float]]:
