@@ -173,6 +173,24 @@ def test_an_agent_can_hold_its_output_against_the_contract_before_it_ends(projec
     assert "./check" in prompt(folder)
 
 
+def test_what_the_check_says_of_an_output_has_no_key_in_it(project: Project) -> None:
+    key = "sk-Zx81kd93KLmq77aa"
+    project.environ, project.env = {"OCTOFORM_TEST_KEY": key}, ["OCTOFORM_TEST_KEY"]
+    wrong = project.outside / "wrong.json"
+    wrong.write_text(json.dumps(changed()).replace("sometimes", "KEY"))
+    lines = [
+        f'sed "s/KEY/$OCTOFORM_TEST_KEY/" {shlex.quote(str(wrong))} > output.json',
+        "./check > first.txt || true",
+        f"cp {shlex.quote(str(GOOD / 'identify.json'))} output.json",
+    ]
+    project.script = {"identify": [{"shell": "\n".join(lines)}]}
+    project.apply("-target", "identify", status=0)
+    (folder,) = project.attempts("identify")
+    said = (folder / "first.txt").read_text()
+    assert "it would be refused" in said and "APPLY-SECRET-IN-OUTPUT" in said and POINTER in said
+    assert key not in said
+
+
 def digest(data: bytes) -> str:
     return f"sha256:{hashlib.sha256(data).hexdigest()}"
 

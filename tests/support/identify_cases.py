@@ -1175,6 +1175,13 @@ RIGHT: dict[str, tuple[str, Change]] = {
         "laptop",
         more(WIFI, "scan_wifi_networks", description="The networks in range.", via="iw or nmcli"),
     ),
+    "a message that has a name": (
+        "laptop",
+        every(
+            put(WIFI, category="bidirectional"),
+            more(WIFI, "send_magic_packet", description="Wakes another computer of the network.", effect="actuate"),
+        ),
+    ),
     "a capability with a class in its way": (
         "laptop",
         more(CHIP, "read_limits", via="/sys/class/hwmon, the folder named coretemp"),

@@ -49,6 +49,9 @@ NO_PIPES = [
     "capture_raw_frame",
     "set_port_power",
     "read_raw_acceleration",
+    "send_magic_packet",
+    "send_status_report",
+    "transmit_beacon_frame",
     "move_to",
     "list_formats",
 ]

@@ -229,6 +229,17 @@ def test_a_broken_server_gets_exactly_its_code(code: str, old: str, new: str) ->
     assert _codes(text) - ALSO.get(code, set()) == {code}
 
 
+def test_blank_lines_and_classes_of_results_make_no_server_too_long() -> None:
+    members = "".join(f"    member_{number}: int\n" for number in range(300))
+    listed = f'@dataclass\nclass Many:\n    """What many registers hold."""\n\n{members}'
+    typed = f'class Some(TypedDict):\n    """The same as a dictionary."""\n\n{members}'
+    imports = "from dataclasses import dataclass\nfrom typing import TypedDict\n\nimport subprocess\n"
+    long = SERVER.replace("import subprocess\n", imports).replace(END, "\n" * 600 + f"\n\n{listed}\n\n{typed}" + END)
+    assert len(long.splitlines()) > 1200 and _codes(long) == set()
+    constants = "".join(f"NUMBER_{number} = {number}\n" for number in range(500))
+    assert _codes(long.replace(listed, constants)) == {"SERVE-TOO-LONG"}
+
+
 def test_whatever_the_runtime_does_to_a_device_counts_as_reaching_it() -> None:
     harmless = {"runtime.nmea.degrees", "runtime.nmea.number", "runtime.v4l2.is_node"}
     modules = (runtime.evdev, runtime.gpio, runtime.nmea, runtime.v4l2)

@@ -21,6 +21,7 @@ DEVICE_SPECIFIC = (
 JUDGEMENT = {
     "probe": [
         "time limit",
+        "| a class of the system | belongs to |",
         "`not_found`",
         "`timeout`",
         "every",
@@ -38,9 +39,17 @@ JUDGEMENT = {
         "`missing`",
         "`via`",
         "left_out",
+        "every device that a person would name, hubs and adapters as `infrastructure`",
     ],
     "interface": ["One capability, one tool", "unit", "`smoke", "tool_budget", "left_out", "`limits`", "no free-text"],
-    "serve": ["# /// script", "fastmcp>=4.1,<4.2", "runtime.logged", "runtime.bus", "runtime.device", "500 lines"],
+    "serve": [
+        "# /// script",
+        "fastmcp>=4.1,<4.2",
+        "runtime.logged",
+        "runtime.bus",
+        "runtime.device",
+        "500 lines; blank ones",
+    ],
     "deploy": ["exact", "conflicts", "deps_failed", "Install nothing outside", "`provided_by`"],
     "watch": [
         "Readings decide",
@@ -99,6 +108,15 @@ def test_each_required_member_of_the_schema_is_explained(stage: str) -> None:
     text = SPECS[stage].body
     required -= {"quote", "reason", "id", "version", "module", "name", "description", "status", "parameter"}
     assert sorted(name for name in required if not re.search(rf"\b{name}\b", text)) == []
+
+
+@pytest.mark.parametrize("stage", ["identify", "interface", "serve"])
+def test_a_stage_of_judgement_has_a_worked_example_and_ends_with_what_to_check(stage: str) -> None:
+    *_, example, closing = SPECS[stage].body.split("\n## ")
+    assert example.startswith("An example\n") and "```" in example
+    title, _, points = closing.partition("\n\n")
+    assert title == "Before you end"
+    assert len(re.findall(r"^\d\. ", points, re.MULTILINE)) >= 5
 
 
 def blocks(stage: str, language: str) -> list[str]:
