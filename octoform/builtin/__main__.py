@@ -5,6 +5,7 @@ Exit status: 0 when the output was written, 1 with one line of reason on stderr 
 """
 
 import gc
+import os
 import resource
 import sys
 from importlib import import_module
@@ -44,4 +45,7 @@ def main(arguments: list[str]) -> int:
 if __name__ == "__main__":
     gc.set_threshold(50_000, 20, 50)  # it ends soon, and walks through trees in which there is no garbage
     resource.setrlimit(resource.RLIMIT_DATA, (MAX_MEMORY, MAX_MEMORY))
-    sys.exit(main(sys.argv[1:]))
+    status = main(sys.argv[1:])
+    sys.stdout.flush()
+    sys.stderr.flush()
+    os._exit(status)  # what is loaded need not be taken apart

@@ -157,4 +157,6 @@ def _group(gid: int) -> str:
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    status = main()
+    sys.stdout.flush()
+    os._exit(status)  # what is loaded need not be taken apart
