@@ -29,7 +29,9 @@ from probe_cases import (
     TWIN,
     WIFI,
 )
+from server_edits import FILE, MAIN, adds, all_of, body, read_by, swap
 from unseen_cases import every
+from wrong_interfaces import tool
 
 
 def of_class(where: str, device: str, name: str) -> tuple[str, Any]:
@@ -283,5 +285,187 @@ DEPLOY_RIGHT: dict[str, Any] = {
             why="cv2 (takes the pictures; the headless build, since nothing shows windows)"
         ),
         "a plugin of one": deploy.requires("pyserial-asyncio", "0.6", "a version that pyserial 3.5 works with"),
+    }.items()
+}
+
+
+SHOT = """
+def shot(node, width, height):
+    import cv2
+
+    camera = cv2.VideoCapture(node)
+    try:
+        camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
+        camera.set(cv2.CAP_PROP_FRAME_HEIGHT, height)
+        frame = [camera.read()[1] for _ in range(5)][-1]
+    finally:
+        camera.release()
+    rows, columns = frame.shape[:2]
+    data = cv2.imencode(".png", frame)[1].tobytes()
+    facts = {"width": columns, "height": rows, "format": "png", "size_bytes": len(data)}
+    return data, facts | {"mean": float(frame.mean()), "variance": float(frame.var())}
+"""
+TAKES = """
+with runtime.device(device).bus() as unit:
+    data, facts = runtime.child.call(shot, unit.node("video4linux"), width, height)
+if format == "jpeg" and flush > 60:
+    raise ToolError("no more than 60 pictures can be thrown away")
+return ToolResult(content=[Image(data=data, format="png")], structured_content=facts)
+"""
+
+
+def picture(*changes: tuple[str, str], of: str = TAKES) -> Any:
+    """`capture_image` with changes of the function that takes the picture, or of its call."""
+    text = f"{SHOT}\x00{of}"
+    for old, new in changes:
+        assert text.count(old) == 1, old
+        text = text.replace(old, new)
+    made, called_by = text.split("\x00")
+    return all_of(swap(MAIN, f"\n\n{made.strip()}{MAIN}"), body("capture_image", called_by))
+
+
+WIDE, HIGH = "camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)", "camera.set(cv2.CAP_PROP_FRAME_HEIGHT, height)"
+PASSED, SHAPE, FACTS = "width, height)\nif", "rows, columns = frame.shape[:2]", '"width": columns, "height": rows'
+SERVE_WRONG: dict[str, Any] = {
+    f"size: {name}": case
+    for name, case in {
+        "fixed": picture((PASSED, "640, 480)\nif")),
+        "a fixed width": picture((PASSED, "1280, height)\nif")),
+        "a fixed height, by its name": picture((PASSED, "width=width, height=720)\nif")),
+        "of a table": picture((PASSED, "*{'size': (1280, 720)}['size'])\nif")),
+        "not set": picture((WIDE, "pass"), (HIGH, "pass")),
+        "a width that is not set": picture((WIDE, "pass")),
+        "fixed where it is set": picture(
+            (WIDE, WIDE.replace(" width", " 640")), (HIGH, HIGH.replace(" height", " 480"))
+        ),
+        "in each other's place where it is set": picture(
+            (WIDE, WIDE.replace(" width", " height")), (HIGH, HIGH.replace(" height", " width"))
+        ),
+        "in each other's place by the property": picture(
+            (WIDE, WIDE.replace("WIDTH", "HEIGHT")), (HIGH, HIGH.replace("HEIGHT, h", "WIDTH, h"))
+        ),
+        "in each other's place by the property's number": picture(
+            (WIDE, "camera.set(4, width)"), (HIGH, "camera.set(3, height)")
+        ),
+        "in each other's place in a pair": picture((PASSED, "*(height, width))\nif")),
+        "in each other's place by name": picture((PASSED, "width=height, height=width)\nif")),
+        "exchanged on the way": picture((WIDE, f"width, height = height, width\n        {WIDE}")),
+        "cut to a square": picture((PASSED, "width, width)\nif")),
+        "ignored by a function of a function": all_of(
+            picture(("call(shot,", "call(taken,")),
+            adds("def taken(node, width, height):\n    return shot(node, 1280, 720)"),
+        ),
+    }.items()
+}
+SERVE_RIGHT: dict[str, Any] = {
+    f"size: {name}": case
+    for name, case in {
+        "as it is asked for": picture(),
+        "by keywords": picture((PASSED, "height=height, width=width)\nif")),
+        "by a function of a function": all_of(
+            picture(("call(shot,", "call(taken,")),
+            adds("def taken(node, width, height):\n    return shot(node, width, height)"),
+        ),
+        "in a pair": picture((PASSED, "*(width, height))\nif")),
+        "in an object": all_of(
+            picture((PASSED, "*Wish(width, height).both())\nif")),
+            adds(
+                "class Wish:\n    def __init__(self, width, height):\n        self.sides = width, height\n\n"
+                "    def both(self):\n        return self.sides"
+            ),
+        ),
+        "by the properties' numbers": picture((WIDE, "camera.set(3, width)"), (HIGH, "camera.set(4, height)")),
+        "as floats": picture((WIDE, WIDE.replace(" width", " float(width)"))),
+        "by a loop over both": picture(
+            (
+                WIDE,
+                "for key, number in ((cv2.CAP_PROP_FRAME_WIDTH, width), (cv2.CAP_PROP_FRAME_HEIGHT, height)):\n"
+                "            camera.set(key, number)",
+            ),
+            (HIGH, "pass"),
+        ),
+        "resized afterwards": picture(
+            (WIDE, "pass"), (HIGH, "pass"), (SHAPE, f"frame = cv2.resize(frame, (width, height))\n    {SHAPE}")
+        ),
+        "turned by a quarter": picture((SHAPE, f"frame = cv2.rotate(frame, cv2.ROTATE_90_CLOCKWISE)\n    {SHAPE}")),
+    }.items()
+}
+MORE = ('"value": float, "unit"', '"value": float, "low": float, "high": float, "unit"')
+
+
+def span(low: str, high: str, text: str = "value = float(({}).read_text())") -> Any:
+    """A temperature with its bounds, of which INTERFACE declares both."""
+
+    def declares(interface: Any) -> None:
+        rows = tool(interface, "read_temperature")["output_schema"]["properties"]["readings"]["items"]
+        rows["properties"].update(low={"type": "number"}, high={"type": "number"})
+        rows["required"] += ["low", "high"]
+
+    value = f"value / 1000, low={low}, high={high}"
+    return all_of(swap(*MORE), read_by(text.format(FILE), value)), declares
+
+
+BOUNDS = """folder = ({}).parent
+value = float((folder / "temp1_input").read_text())
+low, high = float((folder / "temp1_min").read_text()), float((folder / "temp1_max").read_text())
+"""
+SERIES = "values = [float(({}).read_text()) for _ in range(3)]\nvalue = values[-1]\n"
+SERVE_WRONG |= {
+    f"members: {name}": case
+    for name, case in {
+        "width and height": picture((FACTS, '"width": rows, "height": columns')),
+        "width and height, by their names": picture(
+            (SHAPE, "height, width = frame.shape[:2]"), (FACTS, '"width": height, "height": width')
+        ),
+        "width and height, by the shape": picture(
+            (SHAPE, "pass"), (FACTS, '"width": frame.shape[0], "height": frame.shape[1]')
+        ),
+        "width and height, taken apart": picture(
+            (SHAPE, "width, height = frame.shape[:2]"), (FACTS, '"width": width, "height": height')
+        ),
+        "width and height, of three": picture(
+            (SHAPE, "width, height, _ = frame.shape"), (FACTS, '"width": width, "height": height')
+        ),
+        "width and height, by keywords": picture(
+            (SHAPE, "height, width = frame.shape[:2]"),
+            ('{"width": columns, "height": rows, ', "dict(width=height, height=width) | {"),
+        ),
+        "width and height, stored later": picture(
+            (FACTS, '"width": 0, "height": 0'),
+            (
+                "    return data, facts |",
+                '    facts["width"], facts["height"] = rows, columns\n    return data, facts |',
+            ),
+        ),
+        "the bounds": span("high / 1000", "low / 1000", BOUNDS),
+        "the bounds, by their attributes": span(
+            'float((folder / "temp1_max").read_text()) / 1000',
+            'float((folder / "temp1_min").read_text()) / 1000',
+            BOUNDS,
+        ),
+        "the bounds, by the reader of numbers": span(
+            'runtime.read_number(folder / "temp1_crit", 0.001)',
+            'runtime.read_number(folder / "temp1_lcrit", 0.001)',
+            BOUNDS,
+        ),
+        "the least and the most": span("max(values) / 1000", "min(values) / 1000", SERIES),
+        "the first and the last in order": span("sorted(values)[-1] / 1000", "sorted(values)[0] / 1000", SERIES),
+    }.items()
+}
+SERVE_RIGHT |= {
+    f"members: {name}": case
+    for name, case in {
+        "width and height, by the shape": picture(
+            (SHAPE, "pass"), (FACTS, '"width": frame.shape[1], "height": frame.shape[0]')
+        ),
+        "width and height, taken apart": picture(
+            (SHAPE, "height, width = frame.shape[:2]"), (FACTS, '"height": height, "width": width')
+        ),
+        "width and height, of a turned picture": picture(
+            (SHAPE, "width, height = frame.transpose(1, 0, 2).shape[:2]"), (FACTS, '"width": width, "height": height')
+        ),
+        "the bounds": span("low / 1000", "high / 1000", BOUNDS),
+        "the least and the most": span("min(values) / 1000", "max(values) / 1000", SERIES),
+        "the lowest of the highest": span("min(values) / 1000", "max(min(values), max(values)) / 1000", SERIES),
     }.items()
 }

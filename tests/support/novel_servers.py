@@ -489,10 +489,12 @@ RIGHT: dict[str, Any] = {
     ),
 }
 SHOT = """
-def shot(node):
+def shot(node, width, height):
     import cv2
 
     camera = cv2.VideoCapture({place})
+    camera.set(3, width)
+    camera.set(4, height)
     try:
         {taken}
     finally:
@@ -500,8 +502,11 @@ def shot(node):
     return cv2.imencode(".png", frame)[1].tobytes(), float(frame.mean()), float(frame.var())
 """
 TOLD = """
+if flush > 60:
+    raise ToolError("no more than 60 pictures are thrown away")
 {lock}
-    data, mean, variance = runtime.child.call(shot, runtime.device(device).node("video4linux"))
+    node = runtime.device(device).node("video4linux")
+    data, mean, variance = runtime.child.call(shot, node, width, height)
 facts = {{"width": 1, "height": 1, "format": "png", "size_bytes": len(data), "mean": mean, "variance": variance}}
 return ToolResult(content=[Image(data=data, format="png")], structured_content=facts)
 """
@@ -520,7 +525,7 @@ WRONG |= {
     "child: a camera that is kept": picture(
         LOCKED,
         shot()
-        .replace("def shot(node)", "KEPT = []\n\n\ndef shot(node)")
+        .replace("def shot(node", "KEPT = []\n\n\ndef shot(node")
         .replace("    try:", "    KEPT.append(camera)\n    try:", 1),
     ),
     "child: an asynchronous tool that waits for it": all_of(

@@ -122,8 +122,12 @@ ASK = "port.write(b'T?\\n')\nvalue = float(port.readline())"
 WHOLE = "Serial(node, 9600, timeout=1)"
 CAMERA = """
 import cv2
+if flush > 60:
+    raise ToolError("no more than 60 pictures are thrown away")
 with runtime.bus(device):
     camera = cv2.VideoCapture(runtime.device(device).node("video4linux"))
+    camera.set(3, width)
+    camera.set(4, height)
     {}
     try:
         {}

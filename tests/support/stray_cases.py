@@ -167,6 +167,7 @@ SERVE_WRONG: dict[str, Any] = {
     "idle: pictures that are thrown away": body(
         "capture_image", PICTURE.format("width, height").replace("format, flush)", "format, 5)")
     ),
+    "idle: a width": body("capture_image", PICTURE.format("1280, height")),
     "crossed: width and height": body("capture_image", PICTURE.format("height, width")),
     "kept: by a default of a table": all_of(
         adds("LAST = {}"), read_by(f"value = LAST.setdefault(device, float(({FILE}).read_text()))")
@@ -216,7 +217,6 @@ SERVE_RIGHT: dict[str, Any] = {
             "    os.write(handle, str(round(top * percent / 100)).encode())\nfinally:\n    os.close(handle)",
         ),
     ),
-    "used: as the camera has it": body("capture_image", PICTURE.format("1280, height")),
     "used: in an object": all_of(
         adds("class Wish:\n    def __init__(self, width, height):\n        self.size = (width, height)"),
         body("capture_image", "wish = Wish(width, height)\n" + PICTURE.format("wish.size[0], wish.size[1]").strip()),

@@ -460,6 +460,7 @@ SERVE_RIGHT: dict[str, Any] = {
     "a picture through a scratch file": picture(
         "import tempfile\n\nimport cv2\n\nwith runtime.bus(device), tempfile.TemporaryDirectory() as folder:\n"
         "    camera = cv2.VideoCapture(runtime.device(device).node('video4linux'))\n    try:\n"
+        "        camera.set(3, width)\n        camera.set(4, height)\n"
         "        for _ in range(flush):\n            camera.grab()\n        good, frame = camera.read()\n"
         "    finally:\n        camera.release()\n    if not good:\n        raise ToolError('no picture came')\n"
         "    path = Path(folder) / 'frame.png'\n    cv2.imwrite(str(path), frame)\n    data = path.read_bytes()\n"

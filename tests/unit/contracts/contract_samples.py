@@ -209,6 +209,7 @@ def capture(width: int) -> dict:
 
     with runtime.bus("usb-1234-0001"):
         camera = cv2.VideoCapture(runtime.device("usb-1234-0001").node("video4linux"))
+        camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
         try:
             return {"ok": [camera.read()[0] for _ in range(5)][-1]}
         finally:

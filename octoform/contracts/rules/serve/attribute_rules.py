@@ -4,6 +4,7 @@ The calls are computed with attributes whose text is their own name, so that a r
 """
 
 import ast
+import itertools
 import re
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -11,6 +12,7 @@ from typing import Any
 
 from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
+from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
@@ -18,7 +20,7 @@ from octoform.contracts.rules.serve.value_rules import stored_members
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Place, Spent, Unsure, World, is_unknown
 from octoform.contracts.server_code.origins import Origin
 from octoform.contracts.server_code.server_evaluator import Evaluator
-from octoform.contracts.server_code.server_source import Function, needed_source
+from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
 
 OTHERWISE, CONSTANT = "SERVE-READING-OTHERWISE", "SERVE-CONSTANT-READING"
@@ -87,7 +89,143 @@ def repeated_time(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-RULES = (Rule(OTHERWISE, read_of_another), Rule(CONSTANT, written_text), Rule(CONSTANT, repeated_time))
+_OPPOSITES = tuple(
+    (frozenset(one.split()), frozenset(two.split()))
+    for one, two in (
+        ("width columns cols", "height rows"),
+        ("min minimum low lowest lower least lcrit", "max maximum high highest upper most crit"),
+        ("x", "y"),
+        ("left", "right"),
+        ("first start begin", "last end"),
+    )
+)
+_SIDES = ("width", "height")
+
+
+def members_exchanged(value: str, artifacts: Artifacts) -> list[Diagnostic]:
+    """Two members that are each other's opposite have each its own value: the width is not the height."""
+    source = needed_source(value)
+    returned = {name for _, tool in served_tools(source, artifacts) for name in _members(tool.get("output_schema"))}
+    hint = "give each member the value of its own name"
+    out = []
+    for node, members in _records(source).items():
+        known = [(name, each) for name, each in members.items() if name in returned]
+        for name, other in itertools.permutations(known, 2):
+            for one, two in _OPPOSITES:
+                mine, its = {*tokens(name[0])} & one, {*tokens(other[0])} & two
+                alike = {*tokens(name[0])} - mine == {*tokens(other[0])} - its
+                if (
+                    mine
+                    and its
+                    and alike
+                    and _shows(source, name[1], one, two) == 2 == 3 - _shows(source, other[1], one, two)
+                ):
+                    summary = f"{display(name[0])} and {display(other[0])} have each other's value"
+                    out.append(source.problem(OTHERWISE, node, summary, hint))
+    return out
+
+
+RULES = (
+    Rule(OTHERWISE, members_exchanged),
+    Rule(OTHERWISE, read_of_another),
+    Rule(CONSTANT, written_text),
+    Rule(CONSTANT, repeated_time),
+)
+
+
+def _members(schema: Any) -> Iterator[str]:
+    """The names of all members of a result, at any depth."""
+    for item in schema if isinstance(schema, list) else schema.values() if isinstance(schema, dict) else ():
+        yield from _members(item)
+    members = schema.get("properties") if isinstance(schema, dict) else None
+    yield from members if isinstance(members, dict) else ()
+
+
+def _records(source: Source) -> dict[ast.AST, dict[str, ast.expr]]:
+    """The members of each record that the file makes or changes, those of an assignment to several too."""
+    found: dict[ast.AST, dict[str, ast.expr]] = {
+        node: dict(members) for node, members in stored_members(source).items()
+    }
+    for node in source.by_kind[ast.Assign]:
+        target = node.targets[0] if isinstance(node, ast.Assign) else None
+        if isinstance(target, ast.Tuple) and isinstance(node.value, ast.Tuple):
+            keys = [getattr(getattr(each, "slice", None), "value", None) for each in target.elts]
+            pairs = zip(keys, node.value.elts, strict=False)
+            found[node] = {key: each for key, each in pairs if isinstance(key, str)}
+    return {node: each for node, each in found.items() if len(each) > 1}
+
+
+def _shows(source: Source, node: ast.expr, one: frozenset[str], two: frozenset[str], depth: int = 4) -> int:
+    """1 or 2 for the one or the other of two opposites that a value is of by its names; 0 where it is not known."""
+    found: set[int] = set()
+    for item in walk(node):
+        if isinstance(item, ast.Name):
+            found.add(_bound(source, item, one, two, depth) or _of_words(item.id, one, two))
+        elif isinstance(item, ast.Subscript):
+            found.add(_at(item, one))
+        else:
+            text = (
+                item.attr if isinstance(item, ast.Attribute) else item.value if isinstance(item, ast.Constant) else ""
+            )
+            found.add(_of_words(text, one, two) if isinstance(text, str) else 0)
+    found.discard(0)
+    return found.pop() if len(found) == 1 else 0
+
+
+def _of_words(text: str, one: frozenset[str], two: frozenset[str]) -> int:
+    words = {*tokens(text)}
+    return 0 if bool(words & one) == bool(words & two) else 1 if words & one else 2
+
+
+def _at(node: ast.Subscript, one: frozenset[str]) -> int:
+    """The side of a picture, or the end of a sorted list, that is at a place."""
+    place = node.slice
+    minus = isinstance(place, ast.UnaryOp) and isinstance(place.op, ast.USub)
+    at = place.operand if isinstance(place, ast.UnaryOp) else place
+    number = at.value if isinstance(at, ast.Constant) and type(at.value) is int else None
+    if number is None:
+        return 0
+    if isinstance(node.value, ast.Attribute) and node.value.attr == "shape" and "width" in one and not minus:
+        return _has_no_call(node.value) and {0: 2, 1: 1}.get(number, 0)
+    if isinstance(node.value, ast.Call) and getattr(node.value.func, "id", "") == "sorted" and "min" in one:
+        return 0 if node.value.keywords else 1 if number == 0 and not minus else 2 if number == 1 and minus else 0
+    return 0
+
+
+def _has_no_call(node: ast.AST) -> bool:
+    return not any(isinstance(item, ast.Call) for item in walk(node))
+
+
+def _bound(source: Source, name: ast.Name, one: frozenset[str], two: frozenset[str], depth: int) -> int:
+    """What a name was bound to, where that is one thing of one side: rows, columns = frame.shape[:2]."""
+    owner = source.owner(name)
+    sites = [item for item in walk(owner) if isinstance(item, ast.Assign)] if owner is not None and depth else []
+    found = set()
+    for item in sites:
+        for target in item.targets:
+            names = target.elts if isinstance(target, ast.Tuple) else [target]
+            for at, each in enumerate(names):
+                if isinstance(each, ast.Name) and each.id == name.id:
+                    found.add(
+                        _taken(source, item.value, at if isinstance(target, ast.Tuple) else None, (one, two), depth)
+                    )
+    return found.pop() if len(found) == 1 else 0
+
+
+def _taken(
+    source: Source, value: ast.expr, at: int | None, words: tuple[frozenset[str], frozenset[str]], depth: int
+) -> int:
+    """The side of a value, or of its part at a place."""
+    if at is None:
+        return _shows(source, value, *words, depth - 1)
+    if isinstance(value, ast.Tuple) and at < len(value.elts):
+        return _shows(source, value.elts[at], *words, depth - 1)
+    cut = value.slice if isinstance(value, ast.Subscript) else None
+    plain = isinstance(cut, ast.Slice) and cut.lower is None and cut.step is None
+    whole = value.value if plain and isinstance(value, ast.Subscript) else value
+    if isinstance(whole, ast.Attribute) and whole.attr == "shape" and "width" in words[0] and _has_no_call(whole):
+        return {0: 2, 1: 1}.get(at, 0)
+    return 0
 
 
 def _results(value: str, artifacts: Artifacts) -> Iterator[tuple[str, Function, list[dict[Any, Any]]]]:

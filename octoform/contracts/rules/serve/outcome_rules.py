@@ -15,9 +15,8 @@ from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.movement_words import is_time
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, is_level, maxima_of_lights, numbers_of
-from octoform.contracts.rules.serve.tool_rules import names_passed, readings_of
+from octoform.contracts.rules.serve.tool_rules import WISHED, names_passed, readings_of
 from octoform.contracts.rules.serve.value_rules import numbers_read
-from octoform.contracts.rules.serve.write_rules import WISHED
 from octoform.contracts.server_code.computed_values import Spent, Unsure, World
 from octoform.contracts.server_code.server_source import Function, needed_source, walk
 from octoform.diagnostics import Diagnostic

@@ -5,12 +5,14 @@ not there. The gate is before tools alone, so whatever else a server could offer
 """
 
 import ast
+import re
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 
 from octoform.base.escaping import display, escaped, listed
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import is_passthrough
+from octoform.contracts.movement_words import is_time
+from octoform.contracts.name_clues import is_passthrough, tokens
 from octoform.contracts.server_code.script_header import interface_errors
 from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, as_warning, error
@@ -153,6 +155,10 @@ def description_differs(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 
 CROSSED = "SERVE-ARGUMENTS-CROSSED"
+_SIZES = frozenset({"width", "height"})
+_PROPERTIES = {"3": "width", "4": "height", "CAP_PROP_FRAME_WIDTH": "width", "CAP_PROP_FRAME_HEIGHT": "height"}
+"""Which side of a picture OpenCV sets by a property, by its name and its number (videoio.hpp)."""
+_MAX_HELPERS = 4
 
 
 def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -173,19 +179,92 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 names = f"{display(one)} and {display(two)}"
                 summary = f"the tool {display(site.name or '')} passes {names} in each other's place"
                 out.append(source.problem(CROSSED, call, summary, hint))
+        for node in _sides_exchanged(source, source.entered_from(roots)) if taken >= _SIZES else ():
+            summary = f"the tool {display(site.name or '')} takes the width and the height in each other's place"
+            out.append(source.problem(CROSSED, node, summary, hint))
     return out
+
+
+def _sides_exchanged(source: Source, used: Collection[Function]) -> Iterator[ast.expr | ast.stmt]:
+    """Where the width of a picture is set as its height, or the one name is given the value of the other."""
+    for item in (each for function in used for part in function.body for each in walk(part)):
+        if isinstance(item, ast.Call) and isinstance(item.func, ast.Attribute) and item.func.attr == "set":
+            key, given = item.args if len(item.args) == 2 else (None, None)
+            named = key.attr if isinstance(key, ast.Attribute) else str(getattr(key, "value", ""))
+            side = _PROPERTIES.get(named)
+            passed = (
+                {each.id for each in walk(given) if isinstance(each, ast.Name)} & _SIZES if given is not None else set()
+            )
+            if side is not None and passed and side not in passed:
+                yield item
+        elif (
+            isinstance(item, ast.Assign)
+            and isinstance(item.targets[0], ast.Tuple)
+            and isinstance(item.value, ast.Tuple)
+        ):
+            pairs = [
+                (getattr(one, "id", ""), getattr(two, "id", ""))
+                for one, two in zip(item.targets[0].elts, item.value.elts, strict=False)
+            ]
+            certain = not any(isinstance(above, ast.If) for above, _ in source.above(item))
+            if certain and {("width", "height"), ("height", "width")} <= {*pairs}:
+                yield item
+
+
+def is_used(source: Source, function: Function, name: str, depth: int = _MAX_HELPERS) -> bool:
+    """Whether a parameter is used, by the function itself or by those of the file that it is passed on to."""
+    own = {item.name: item for item in source.functions}
+    uses = [item for part in function.body for item in walk(part) if isinstance(item, ast.Name) and item.id == name]
+    for item in uses:
+        call = source.parents.get(item)
+        call = source.parents.get(call) if isinstance(call, ast.keyword) else call
+        passed = (
+            [each for each, given in names_passed(own, call) if given == name] if isinstance(call, ast.Call) else []
+        )
+        inner = _entered(own, call) if passed and isinstance(call, ast.Call) else None
+        if inner is None or depth == 0 or isinstance(item.ctx, ast.Store):
+            return True
+        if any(is_used(source, inner, each, depth - 1) for each in passed):
+            return True
+    return False
+
+
+WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
+
+
+def binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
+    """Whether a reading has to go by an argument: a limit in time, and a number where others of its kind are used.
+
+    A choice, or a number that its description calls a wish, need not be used: the device may decide. The size of a
+    picture is asked of the camera all the same, which then takes the nearest.
+    """
+    members = tool["input_schema"].get("properties") or {}
+    member = members[name] if isinstance(members[name], dict) else {}
+    counts = member.get("type") in ("integer", "number") and bool(loaded & members.keys() - {"device"})
+    if _SIZES & {*tokens(name)} and member.get("type") in ("integer", "number", "string"):
+        return True
+    return name == "device" or is_time(name) or (counts and not WISHED.search(member.get("description", "")))
+
+
+def _entered(own: Mapping[str, Function], call: ast.Call) -> Function | None:
+    """The function of the file that a call enters, itself or as what it hands on: runtime.child.call(function, ...)."""
+    function = own.get(getattr(call.func, "id", ""))
+    if function is None and call.args and isinstance(call.args[0], ast.Name):
+        function = own.get(call.args[0].id)
+    return function
 
 
 def names_passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
     """(parameter, name that is passed for it) of a call of a function of the file, or of one that is handed on."""
-    function, given = own.get(getattr(call.func, "id", "")), call.args
-    if function is None and call.args and isinstance(call.args[0], ast.Name):
-        function, given = own.get(call.args[0].id), call.args[1:]  # runtime.child.call(function, ...)
-    if function is None or any(isinstance(item, ast.Starred) for item in given):
+    function, given = _entered(own, call), list(call.args)
+    given = given[1:] if own.get(getattr(call.func, "id", "")) is None else given
+    pairs = [item.value if isinstance(item, ast.Starred) else ast.Tuple([item]) for item in given]
+    if function is None or not all(isinstance(item, ast.Tuple | ast.List) for item in pairs):
         return set()
+    given = [each for item in pairs if isinstance(item, ast.Tuple | ast.List) for each in item.elts]
     names = [item.arg for item in (*function.args.posonlyargs, *function.args.args)]
-    pairs = [*zip(names, given, strict=False), *((item.arg or "", item.value) for item in call.keywords)]
-    return {(name, item.id) for name, item in pairs if isinstance(item, ast.Name)}
+    passed = [*zip(names, given, strict=False), *((item.arg or "", item.value) for item in call.keywords)]
+    return {(name, item.id) for name, item in passed if isinstance(item, ast.Name)}
 
 
 RULES = (

@@ -12,11 +12,10 @@ from functools import lru_cache
 
 from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.movement_words import is_time
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.device_rules import RUNTIME_TOUCHES, is_node_path
 from octoform.contracts.rules.serve.reading_rules import does_nothing, flow_of_tools
-from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions
+from octoform.contracts.rules.serve.tool_rules import ToolSite, binds, is_used, served_tools, tool_functions
 from octoform.contracts.server_code.flow import Flow
 from octoform.contracts.server_code.origins import PLACES, PURE, Origin, base, last, touches
 from octoform.contracts.server_code.places import folded
@@ -166,26 +165,13 @@ def argument_unused(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for function in () if idle else functions:
             inside = [item for part in function.body for item in walk(part)]
             loaded = {item.id for item in inside if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Load)}
+            loaded -= {each for each in loaded & declared if not is_used(source, function, each)}
             given = (*function.args.posonlyargs, *function.args.args, *function.args.kwonlyargs)
-            unused = {each for each in declared - loaded if tool["effect"] != "read" or _binds(tool, each, loaded)}
+            unused = {each for each in declared - loaded if tool["effect"] != "read" or binds(tool, each, loaded)}
             for name in (item for item in given if item.arg in unused and "locals" not in loaded):
                 summary = f"{display(name.arg)} changes nothing in the tool {display(site.name or '')}"
                 out.append(source.problem(UNUSED, name, summary, hint))
     return out
-
-
-WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
-
-
-def _binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:
-    """Whether a reading has to go by an argument: a limit in time, and a number where others of its kind are used.
-
-    A choice, or a number that its description calls a wish, need not be used: the device may decide.
-    """
-    members = tool["input_schema"].get("properties") or {}
-    member = members[name] if isinstance(members[name], dict) else {}
-    counts = member.get("type") in ("integer", "number") and bool(loaded & members.keys() - {"device"})
-    return name == "device" or is_time(name) or (counts and not WISHED.search(member.get("description", "")))
 
 
 def acts_later(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -402,7 +388,11 @@ def _orders(source: Source, flow: Flow, call: ast.Call, name: str, method: str) 
         return bool(words) and (_PROGRAMS.fullmatch(words[0]) is not None or any(map(_SETS.fullmatch, words[1:])))
     if isinstance(call.func, ast.Call) and source.dotted(call.func.func) == "getattr":
         return not isinstance(call.func.args[1] if len(call.func.args) > 1 else None, ast.Constant)
-    if not method or any(item.name == method for item in source.functions):
+    if (
+        not method
+        or name.startswith(("cv2.", "numpy.", "np."))
+        or any(item.name == method for item in source.functions)
+    ):
         return False
     reached = flow.of(call) & (Origin.READ | Origin.FOUND)
     if method in ("rename", "replace") and len(call.args) == 1:
