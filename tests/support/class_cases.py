@@ -31,7 +31,10 @@ from probe_cases import (
 )
 from server_edits import FILE, MAIN, adds, all_of, body, read_by, swap
 from unseen_cases import every
-from wrong_interfaces import tool
+from wrong_interfaces import takes, tool
+
+CAM, PANEL = "usb-1f00-00c1", "backlight-panel"
+BOTH = ("hwmon-benchtemp", CAM)
 
 
 def of_class(where: str, device: str, name: str) -> tuple[str, Any]:
@@ -288,6 +291,34 @@ DEPLOY_RIGHT: dict[str, Any] = {
     }.items()
 }
 
+
+def offers(name: str, parameter: str, *choices: str, **more: Any) -> Any:
+    """One more parameter of a tool, with these choices."""
+    return takes(name, parameter, {"type": "string", "enum": [*choices], "default": choices[0]}, **more)
+
+
+INTERFACE_WRONG: dict[str, Any] = {
+    f"another's: {name}": case
+    for name, case in {
+        "a camera as the source of a temperature": offers("read_temperature", "source", *BOTH),
+        "a panel as the target of a lamp": offers("set_led", "target", "leds-bench-green", PANEL, limits=[]),
+        "two panels as the lamp": offers("set_led", "which", PANEL, "backlight-panel2", limits=[]),
+        "the panels of a camera": offers("capture_image", "panel", "panel", "panel2"),
+        "a lamp of a camera": offers("capture_image", "flash", "bench:green"),
+        "the keys of a disk": offers("read_storage", "unit", "usb-1f00-00d1", "platform-keys"),
+        "a device by a constant": takes("read_led", "source", {"type": "string", "const": CAM, "default": CAM}),
+    }.items()
+}
+INTERFACE_RIGHT: dict[str, Any] = {
+    f"another's: {name}": case
+    for name, case in {
+        "its own device by another name": offers("read_temperature", "source", "hwmon-benchtemp"),
+        "its own lamp by another name": offers("set_led", "lamp", "bench:green", limits=[]),
+        "one of its own panels": offers("read_brightness", "panel", "panel", "panel2"),
+        "words": offers("capture_image", "mode", "auto", "night"),
+        "a word that is in another's name": offers("capture_image", "board", "bench", "wall"),
+    }.items()
+}
 
 SHOT = """
 def shot(node, width, height):

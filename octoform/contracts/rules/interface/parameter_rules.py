@@ -8,7 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import display
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
@@ -57,6 +57,11 @@ def takes_a_program(tool: JsonObject) -> str | None:
 
 
 def foreign(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """A parameter, and each of its choices, belongs to the devices of its tool."""
+    return [*_of_another_kind(value, artifacts), *_of_another_device(value, artifacts)]
+
+
+def _of_another_kind(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A parameter is of the kind of device that the tool has: no volume of a touch screen."""
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -106,6 +111,44 @@ def _is_free(member: Mapping[str, Any]) -> bool:
     """Whether it is a string that may hold anything."""
     kinds = member.get("type")
     return "string" in (kinds if isinstance(kinds, list) else [kinds]) and not _CHOSEN & member.keys()
+
+
+def _of_another_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """No choice is the id of a device that the tool does not serve, and none is among the units of others alone."""
+    devices = (artifacts.identify or {"devices": []})["devices"]
+    units = {each["id"]: set(_units(each)) for each in devices}
+    hint = "offer what belongs to the devices of the tool; the others have tools of their own"
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        own = {*tool["devices"]}
+        others = set().union(*(names for each, names in units.items() if each not in own))
+        mine = set().union(*(names for each, names in units.items() if each in own))
+        properties = tool["input_schema"].get("properties")
+        for name, member in properties.items() if isinstance(properties, dict) else ():
+            given = set(_choices(member)) if name != "device" and isinstance(member, Mapping) else set()
+            strange = given & units.keys() - own or (given if given <= others - mine else set())
+            if strange:
+                summary = (
+                    f"{display(name)} of {display(tool['name'])} offers {listed(sorted(strange))}, of another device"
+                )
+                where = pointer("tools", index, "input_schema", "properties", name)
+                out.append(error("INTERFACE-PARAMETER-FOREIGN", summary, pointer=where, hint=hint))
+    return out
+
+
+def _choices(member: Mapping[str, Any]) -> Iterator[str]:
+    for form in _forms(member):
+        enum = form.get("enum")
+        every = (*(enum if isinstance(enum, list) else ()), form.get("const"))
+        yield from (item for item in every if isinstance(item, str))
+
+
+def _units(device: JsonObject) -> Iterator[str]:
+    """The names of the lights, the channels and the other parts that IDENTIFY lists of a device."""
+    for ability in device["capabilities"]:
+        for rows in (ability.get("parameters") or {}).values():
+            records = (row for row in rows if isinstance(row, dict)) if isinstance(rows, list) else ()
+            yield from (str(row["name"]) for row in records if row.get("name"))
 
 
 RULES = (Rule("INTERFACE-PARAMETER-FOREIGN", foreign),)
