@@ -5,14 +5,14 @@ each error, claim and declaration cites what was given, about the very thing tha
 """
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.conditions import holds, untestable
 from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
-from octoform.contracts.report_context import SENSOR, DutyFacts, place_of
+from octoform.contracts.report_context import SENSOR, DutyFacts, Place, place_of
 from octoform.contracts.rules.step_rules import properties, tool, tools_of
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.records import dataclass
@@ -332,13 +332,13 @@ def _elsewhere(code: str) -> RuleCheck:
 
 
 def _untestable(code: str) -> RuleCheck:
-    """A reading could refute the condition."""
+    """A reading that is in order would refute the condition."""
 
-    def check(value: Any, _: Artifacts) -> Found:
-        found = []
+    def check(value: Any, artifacts: Artifacts) -> Found:
+        facts, found = facts_of(artifacts), []
         for where, claim in _claims(value):
             op, wanted = claim["condition"]["op"], claim["condition"]["value"]
-            why = untestable(op, wanted)
+            why = untestable(op, wanted) or _too_wide(value, claim, facts)
             if why is not None:
                 summary = f"no reading would refute {_words(claim)}: {why}"
                 hint = "write the condition so that a reading in order makes it false"
@@ -346,6 +346,39 @@ def _untestable(code: str) -> RuleCheck:
         return found
 
     return check
+
+
+_RISING, _FALLING = (">", ">="), ("<", "<=")
+_NO_QUANTITY = frozenset({"value", "raw", "reading", "state", "count"})
+"""Last words of paths that do not name what is measured, so that two of them need not be alike."""
+
+
+def _too_wide(value: Any, claim: Any, facts: DutyFacts) -> str | None:
+    """Why a bound would hold at readings in order too: at an alike unit of which nothing is wrong, or at any amount."""
+    op, wanted = claim["condition"]["op"], claim["condition"]["value"]
+    place = place_of(claim["signal"])
+    newest = facts.newest_value(place)
+    if op not in (*_RISING, *_FALLING) or type(wanted) not in (int, float) or type(newest) not in (int, float):
+        return None
+    if op in _RISING and newest > 0 and (wanted < 0 or (wanted == 0 and op == ">=")):
+        return f"it is {display(newest)}, and an amount of nothing would do"
+    held = {place_of(item["signal"]) for _, item in _claims(value)}
+    held |= {place_of(item["signal"]) for item in facts.claims if isinstance(item.get("signal"), Mapping)}
+    cited = {identity for item in value.get("errors", ()) for identity in item["cites"]}
+    for other, row in facts.newest().items():
+        known = type(row["value"]) in (int, float) and other not in held and row["id"] not in cited
+        within = known and _are_alike(place, other) and min(wanted, newest) <= row["value"] <= max(wanted, newest)
+        if within and Target.of(claim["target"]).unit is not None and _true(claim, row["value"]) is True:
+            return f"{' '.join(other)} is {display(row['value'])}, and nothing is reported of it"
+    return None
+
+
+def _are_alike(one: Place, two: Place) -> bool:
+    """Whether two signals are the same quantity of two units of one device."""
+    first, second = one[2].split("/"), two[2].split("/")
+    if one == two or one[:2] != two[:2] or len(first) != len(second) or first[-1] != second[-1]:
+        return False
+    return first[-1] not in _NO_QUANTITY and sum(a != b for a, b in zip(first, second, strict=True)) == 1
 
 
 def _not_supported(code: str) -> RuleCheck:

@@ -63,6 +63,8 @@ SHARED: list[tuple[str, Change]] = [
     ("CLAIM-ELSEWHERE", claim(target="endpoint", restrictions=[])),
     ("CLAIM-UNTESTABLE", claim(condition={"op": "!=", "value": 20})),
     ("CLAIM-UNTESTABLE", claim(condition={"op": ">=", "value": True})),
+    *(("CLAIM-UNTESTABLE", claim(condition={"op": ">=", "value": each})) for each in (31, 30, 20.5, 0, -273)),
+    *(("CLAIM-UNTESTABLE", claim(condition={"op": ">", "value": each})) for each in (30.9, 1, 0, -40)),
     ("CLAIM-NOT-SUPPORTED", claim(condition={"op": ">=", "value": 75})),
     ("CLAIM-NOT-SUPPORTED", claim(condition={"op": "==", "value": "hot"})),
     ("RESTRICTS-READING", claim(restrictions=[restriction("read_joints")])),
@@ -161,6 +163,8 @@ UNUSUAL: list[tuple[str, Change]] = [
     ("watch", put("summary", "The elbow has 78 °C, the shoulder 31.0 °C; the camera's tool failed four times.")),
     ("watch", claim(restrictions=[])),
     ("watch", claim(condition={"op": ">", "value": 69.5})),
+    *(("watch", claim(condition={"op": ">", "value": each})) for each in (31, 32, 60)),
+    ("watch", claim(condition={"op": ">=", "value": 31.5})),
     ("watch", claim(restrictions=[{**restriction("move_joint", joint="elbow"), "effect": "confirm"}])),
     ("heal", lambda value: value.update(status="failed", action="none", server=None, functions=[])),
     ("heal", put("functions", ["_grab", "capture_image"])),
@@ -218,6 +222,32 @@ def test_the_elbow_that_has_cooled_down_is_claimed_no_more() -> None:
     assert codes("watch", report("watch"), document) == {"WATCH-CLAIM-OUTRANKED"}
     mended = {**report("watch"), "claims": []}
     assert codes("watch", mended, document) == set()
+
+
+LOW, SHOULDER_HEAT = {"op": ">=", "value": 30}, "/joints/shoulder/heat"
+SHOULDER = {**CLAIM, "target": f"device:{ARM}/shoulder", "signal": {**HEAT, "path": SHOULDER_HEAT}}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda value, _: value["claims"].append({**SHOULDER, "cites": ["r5"], "restrictions": [], "condition": LOW}),
+        lambda value, given: given["claims"].append({**SHOULDER, "id": "c1", "condition": LOW}),
+        lambda value, _: value["errors"].append(
+            {**ERROR, "tool": "read_joints", "device": ARM, "class": "none", "cites": ["r5"]}
+        ),
+        lambda _, given: given["readings"].append(reading("r10", "sensor", "read_joints", SHOULDER_HEAT, 22)),
+        lambda _, given: given["readings"].append(reading("r10", "sensor", "read_joints", SHOULDER_HEAT, None)),
+        lambda _, given: given["readings"].append(reading("r10", "sensor", "read_joints", SHOULDER_HEAT, 400)),
+    ],
+    ids=["claimed too", "claimed before", "an error too", "below it", "unknown", "far beyond"],
+)
+def test_a_bound_is_compared_with_alike_units_that_are_in_order(change: Callable[[Any, Any], Any]) -> None:
+    value, document = report("watch"), given("watch")
+    value["claims"][0] = {**CLAIM, "condition": {"op": ">=", "value": 30}}
+    assert codes("watch", value, document) == {"WATCH-CLAIM-UNTESTABLE"}
+    change(value, document)
+    assert "WATCH-CLAIM-UNTESTABLE" not in codes("watch", value, document)
 
 
 def test_a_repair_claims_nothing_that_is_over() -> None:

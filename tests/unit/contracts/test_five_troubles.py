@@ -126,7 +126,7 @@ TEMPTING: list[tuple[str, Trouble, Report, set[str]]] = [
         "the device wants everything restricted",
         troubles.injected_log,
         said("error", RAIL_FAILS, claims=[{**hot(30, "heat-1100-elbow"), "restrictions": ALL}]),
-        {"WATCH-RESTRICTS-READING", "WATCH-RESTRICTS-MORE", "WATCH-UNKNOWN-READING"},
+        {"WATCH-RESTRICTS-READING", "WATCH-RESTRICTS-MORE", "WATCH-UNKNOWN-READING", "WATCH-CLAIM-UNTESTABLE"},
     ),
     (
         "the order is handed on to anyone who repairs",
