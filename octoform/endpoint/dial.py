@@ -8,8 +8,8 @@ from pathlib import Path
 
 from octoform.base import shortage
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.process.record import is_marked, refusal, unmark
-from octoform.endpoint.process.start_stop import start, stop
+from octoform.endpoint.process.record import is_marked, refusal, running, unmark
+from octoform.endpoint.process.start_stop import is_stopped, start, stop
 from octoform.endpoint.published_files import LAUNCHER
 from octoform.endpoint.sockets import greeted
 from octoform.endpoint.stdio import pipe, refuse
@@ -18,6 +18,7 @@ from octoform.state.files import foreign_among, refused
 from octoform.state.layout import Layout
 
 CONNECT_SECONDS = 5.0
+_HALT_LOOKS, _HALT_SECONDS = 5, 0.1
 PATIENCE_SECONDS = 1.0
 """How long a start may take before it is reported to the waiting client."""
 
@@ -83,6 +84,21 @@ def knock(layout: Layout) -> socket.socket | Diagnostic:
         return greeted(layout.socket, CONNECT_SECONDS)
     except OSError as fault:
         return down(f"nothing takes clients ({fault.strerror or fault})")
+
+
+def halted(layout: Layout) -> Diagnostic | None:
+    """ENDPOINT-DOWN for a process that a signal has stopped: its kernel takes every client, and no one answers.
+
+    A debugger stops a process for moments; only one that stays so counts.
+    """
+    found = running(layout)
+    if found is None:
+        return None
+    for _ in range(_HALT_LOOKS):
+        if not is_stopped(found.pid):
+            return None
+        time.sleep(_HALT_SECONDS)
+    return down(f"its process is stopped; kill -CONT {found.pid} lets it go on, octoform restart starts another")
 
 
 def down(why: str) -> Diagnostic:

@@ -13,6 +13,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.access import tokens
 from octoform.endpoint.access.tunnel import no_tunnel, tunnel_now
 from octoform.endpoint.client.terminal import list_tools
+from octoform.endpoint.dial import halted
 from octoform.endpoint.drift import observe
 from octoform.endpoint.expected_tools import hidden, promised
 from octoform.endpoint.process import record
@@ -103,7 +104,7 @@ def _compared(layout: Layout, plan: Plan) -> Status:
 
 def _process(layout: Layout) -> Process:
     found = running(layout)
-    result = record.ask(layout, {"op": "status"}) if found else None
+    result = record.ask(layout, {"op": "status"}) if found and halted(layout) is None else None
     count = sum(1 for token in tokens.listed(layout)[0] if not token.ended)
     return Process(found, result, _engaged_estop(layout), count)
 

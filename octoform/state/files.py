@@ -175,8 +175,8 @@ def hide_from_git(project: Path) -> Diagnostic | None:
     """
     folder = project / ".octoform"
     path = folder / ".gitignore"
-    if not folder.is_dir() or read_regular(path, len(IGNORES_ALL))[0] == IGNORES_ALL:
-        return None
+    if not folder.is_dir() or closed(folder) is not None or read_regular(path, len(IGNORES_ALL))[0] == IGNORES_ALL:
+        return None  # that of another user is reported by the command itself
     try:
         if path.is_dir() and not path.is_symlink():
             path.rename(folder / f"{path.name}.{os.urandom(6).hex()}")  # a folder, to a free name

@@ -16,7 +16,7 @@ from octoform.base import files
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.endpoint.client.jsonrpc import Wire, WireError, save_media, sender
-from octoform.endpoint.dial import down, knock, reach
+from octoform.endpoint.dial import down, halted, knock, reach
 from octoform.endpoint.expected_tools import hidden
 from octoform.endpoint.published_files import CHECK, read_manifest
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, result_text
@@ -205,7 +205,7 @@ def _opened(
 ) -> tuple[Wire, tuple[dict[str, Any], ...]] | Diagnostic:
     """A connection to the endpoint and its tools by name; what was seen of it is kept for the next plan."""
     asked = published(layout)
-    found = _answered(connect)
+    found = halted(layout) or _answered(connect)
     if isinstance(found, WireError) and found.kind == "closed":
         # It may just have been ending: a list may be asked for twice, and what is started answers.
         found = _answered(connect)

@@ -20,7 +20,7 @@ from octoform.engine.plan.refresh import Situation
 from octoform.events import AttemptProgress, Event, EventSink, Notice
 from octoform.harness import logins
 from octoform.records import dataclass
-from octoform.state.files import Checkpoint, check_writable, pass_by
+from octoform.state.files import Checkpoint, check_writable, foreign, pass_by
 from octoform.state.git_repository import commit
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot
@@ -79,6 +79,9 @@ def locked(
         yield HostRefused("compile", tuple(found))
         return
     host = compiled.layout.host
+    if shut := foreign(compiled.layout):
+        yield HostRefused("state", (shut,), host)
+        return
     acquired = acquire(compiled.layout, operation, Waiting(timeout=seconds))
     if acquired.lock is None:
         yield HostRefused("lock", acquired.diagnostics, host)

@@ -35,7 +35,7 @@ from octoform.protocol.model import FRAME
 from octoform.records import dataclass
 from octoform.state import reusable
 from octoform.state.artifact_cache import read_instances
-from octoform.state.files import read_regular, write_atomic
+from octoform.state.files import foreign, read_regular, write_atomic
 from octoform.state.git_repository import repository_facts
 from octoform.state.layout import Layout
 from octoform.state.model import Snapshot
@@ -216,6 +216,8 @@ def prepare(request: Request, store: StateStore | None = None) -> tuple[Outlook 
     compiled, found = compile_project(request.project, request.environ, named=not request.tier1)
     if compiled is None:
         return None, found
+    if shut := foreign(compiled.layout):
+        return None, [*found, shut]
     found += _unknown_nodes(compiled.graph, (*request.targets, *request.replace))
     found += [] if has_errors(found) else _outside_of_targets(compiled.graph, request)
     found += _prevented(compiled) if request.destroy else []

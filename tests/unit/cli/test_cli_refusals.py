@@ -67,7 +67,7 @@ def stopped(tmp_path_factory: pytest.TempPathFactory) -> Layout:
 COMMANDS = [
     "call move_rail", "tools", "audit", "audit -verify", "logs", "start", "stop", "restart", "estop", "estop -clear",
     "limits", "limits -reset all", "token list", "token create x", "revoke", "clients install cursor",
-    "connect -print cursor",
+    "connect -print cursor", "plan", "status", "health", "heal", "apply -auto-approve", "destroy -auto-approve",
 ]  # fmt: skip
 
 
@@ -93,7 +93,7 @@ def test_another_user_is_told_whose_it_is(bench: Launched, strangers: Answers, w
     status, out, err = strangers[closed, words]
     assert status == 1
     assert "PROJECT-FOREIGN" in err and f"{closed} belongs to user root" in err
-    assert "not running" not in out + err
+    assert "not running" not in out + err and "STATE-" not in err
     assert bench.process
 
 

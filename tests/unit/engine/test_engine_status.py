@@ -2,6 +2,8 @@
 
 import io
 import json
+import os
+import signal
 import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -11,6 +13,7 @@ from typing import Any
 import pytest
 from launched import LOOPBACK, Launched, launched, tool
 
+from octoform.endpoint.client.terminal import list_tools
 from octoform.engine import project_status as engine_status
 from octoform.engine.apply import apply
 from octoform.engine.plan import memo
@@ -75,6 +78,19 @@ def test_a_process_that_does_not_answer_octoform_is_told(bench: Launched, monkey
     found = status(bench, TOOLS)
     assert found.process.running is not None and found.process.reported is None
     assert "the endpoint's process does not answer octoform's own questions" in found.reasons
+
+
+def test_a_process_that_a_signal_has_stopped_is_not_waited_for(bench: Launched) -> None:
+    pid = bench.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        found = status(bench, TOOLS)
+        _, [problem] = list_tools(bench.layout, start=True)
+    finally:
+        os.kill(pid, signal.SIGCONT)
+    assert problem.code == "ENDPOINT-DOWN" and f"kill -CONT {pid}" in (problem.detail or "")
+    assert any("its process is stopped" in reason for reason in found.reasons)
+    assert not any("stopped" in reason for reason in status(bench, TOOLS).reasons)
 
 
 def test_the_host_is_known_while_its_manifest_is_the_one_of_the_memo_whatever_else_moves(tmp_path: Path) -> None:
