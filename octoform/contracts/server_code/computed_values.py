@@ -11,6 +11,7 @@ import re
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any
 
 _MAX_LENGTH, _MAX_NUMBER, _MAX_DIGITS = 1000, 1 << 64, 20
@@ -125,21 +126,37 @@ class World:
     written: dict[Key, ast.Call] = field(default_factory=dict)
     ran: list[tuple[ast.Call, list[str]]] = field(default_factory=list)
     """The programs that were started, each with the words that are known; what they did is not."""
+    met: dict[Key, Any] = field(default_factory=dict)
+    """What was read that no call of this world wrote before, in the order in which it was read; unknown texts too."""
 
     def text(self, place: Place) -> Any:
         """The text of one attribute; unknown where it is no number."""
         key = place.key
-        if key not in self.stored and (len(key) < 3 or _TEXTS.search(key[-1])):
-            return UNKNOWN
-        self.read[key] = None
-        value = self.stored.get(key)
-        return value if value is not None else f"{self.usual(key[-1]):g}"
+        found = self.peek(key)
+        if found is not UNKNOWN:
+            self.read[key] = None
+        if key not in self.written:
+            self.met[key] = found
+        return found
+
+    def peek(self, key: Key) -> Any:
+        """The text of one attribute, which does not count as read by that."""
+        if key in self.stored:
+            return self.stored[key]
+        return UNKNOWN if len(key) < 3 or _is_text(key[-1]) else f"{self.usual(key[-1]):g}"
 
 
 _TEXTS = re.compile(
     r"name|label|trigger|type|status|state|model|uevent|mode|direction|fault|alarm|vendor|available|modalias|governor"
     r"|\Adev\Z|health|technology|scope|online|present|manufacturer|power_supply|enable"
 )
+
+
+@lru_cache(maxsize=1024)
+def _is_text(name: str) -> bool:
+    return _TEXTS.search(name) is not None
+
+
 PLAIN: Mapping[str, Callable[..., Any]] = {
     **{item.__name__: item for item in (int, float, str, bool, round, abs, min, max, len, sum, sorted, list)},
     **{item.__name__: item for item in (tuple, dict, set, range, enumerate, zip, any, all, divmod, reversed)},
@@ -180,7 +197,7 @@ def plainly(function: Callable[..., Any], /, *given: Any, **named: Any) -> Any:
     if isinstance(value, int):
         large = abs(value) > _MAX_NUMBER
     else:
-        if hasattr(value, "__next__") or type(value).__name__.startswith("dict_"):
+        if not isinstance(value, _SIZED) and (hasattr(value, "__next__") or type(value).__name__.startswith("dict_")):
             value = list(value)
         large = isinstance(value, _SIZED) and len(value) > _MAX_LENGTH
     if large:
@@ -230,6 +247,6 @@ def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:
     return all(abs(item) <= _MAX_LENGTH for item in numbers)
 
 
-_UNBOUNDED = (operator.pow, operator.lshift, operator.mul, operator.mod, round, range)
-_UNBOUNDED_METHODS = ("format", "zfill", "ljust", "rjust")
+_UNBOUNDED = frozenset({operator.pow, operator.lshift, operator.mul, operator.mod, round, range})
+_UNBOUNDED_METHODS = frozenset({"format", "zfill", "ljust", "rjust"})
 """The operations whose result may be far larger than what they are given."""

@@ -1,8 +1,8 @@
 """What the names of a generated server's own file stand for: constants, records, classes and their methods."""
 
 import ast
-from collections.abc import Callable, Iterator, Mapping
-from functools import lru_cache
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
 from typing import Any
 
 from octoform.contracts.server_code.computed_values import UNKNOWN
@@ -16,19 +16,33 @@ class FileNames:
     """The names of the file itself, each computed once."""
 
     def __init__(self, source: Source, compute: Callable[[ast.expr], Any]) -> None:
-        self._source, self._compute, self._known = source, compute, dict[str, Any]()
-        self._bound, self._classes = _tables(source)
+        tables = _tables(source)
+        self._compute, self._known, self._constants = compute, dict[str, Any](), tables.constants
+        self.method, self.fields = tables.method, tables.fields
 
     def value(self, name: str) -> Any:
         """The value of a constant of the file; unknown where it is bound more than once."""
         if name not in self._known:
             self._known[name] = UNKNOWN
-            bound = self._bound.get(name, [])
-            if len(bound) == 1 and not self._source.dotted(bound[0]).endswith("TypedDict()"):  # see `fields`
-                self._known[name] = self._compute(bound[0])
+            if name in self._constants:
+                self._known[name] = self._compute(self._constants[name])
         return self._known[name]
 
-    def method(self, owner: str, name: str, *, above: bool = False) -> tuple[str, ast.FunctionDef] | None:
+
+class _Tables:
+    """The constants and the classes of a file, whatever is computed: each is looked up once."""
+
+    def __init__(self, source: Source) -> None:
+        self._source, self._bound = source, _bound(source)
+        self._classes = {item.name: item for item in source.classes}
+        self.constants = {
+            name: values[0]
+            for name, values in self._bound.items()
+            if len(values) == 1 and not source.dotted(values[0]).endswith("TypedDict()")  # see `fields`
+        }
+        self.method, self.fields = cache(self._method), cache(self._fields)
+
+    def _method(self, owner: str, name: str, *, above: bool = False) -> tuple[str, ast.FunctionDef] | None:
         """A method of a class of the file, with the class that has it: its own, or one of those it inherits from."""
         for each in list(self._line(owner))[1 if above else 0 :]:
             found = [item for item in each.body if isinstance(item, ast.FunctionDef) and item.name == name]
@@ -36,7 +50,7 @@ class FileNames:
                 return (each.name, found[0]) if len(found) == 1 else None
         return None
 
-    def fields(self, name: str) -> dict[str, ast.expr | None] | None:
+    def _fields(self, name: str) -> dict[str, ast.expr | None] | None:
         """The members of a record that the file defines, with their defaults; None where it defines none."""
         if name in self._classes:
             members = [item for each in reversed(list(self._line(name))) for item in each.body]
@@ -63,12 +77,16 @@ class FileNames:
                 waiting = [each.id for each in item.bases if isinstance(each, ast.Name)] + waiting
 
 
-@lru_cache(maxsize=8)  # a tool is computed some hundred times
-def _tables(source: Source) -> tuple[Mapping[str, list[ast.expr]], Mapping[str, ast.ClassDef]]:
-    """What each name of the file is bound to, and its classes."""
+@lru_cache(maxsize=4)  # a tool is computed some hundred times
+def _tables(source: Source) -> _Tables:
+    return _Tables(source)
+
+
+def _bound(source: Source) -> dict[str, list[ast.expr]]:
+    """What each name of the file is bound to."""
     bound: dict[str, list[ast.expr]] = {}
     for item in source.tree.body:
         if isinstance(item, ast.Assign | ast.AnnAssign) and item.value is not None:
             for target in item.targets if isinstance(item, ast.Assign) else [item.target]:
                 bound.setdefault(ast.unparse(target), []).append(item.value)
-    return bound, {item.name: item for item in source.classes}
+    return bound

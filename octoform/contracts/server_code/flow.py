@@ -64,7 +64,7 @@ class Flow(Deciding):
         self._valued = {
             last(item)
             for item in source.nodes
-            if isinstance(item, ast.Name | ast.Attribute)
+            if isinstance(item, (ast.Name, ast.Attribute))
             and isinstance(item.ctx, ast.Load)
             and item not in called
             and item not in decorators
@@ -109,7 +109,7 @@ class Flow(Deciding):
     def _given_back(self, function: Function) -> list[ast.expr]:
         out = []
         for item in self._inside(function):
-            value = item.value if isinstance(item, ast.Return | ast.Yield | ast.YieldFrom) else None
+            value = item.value if isinstance(item, (ast.Return, ast.Yield, ast.YieldFrom)) else None
             if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
                 out.append(value)
         return out

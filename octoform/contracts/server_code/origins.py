@@ -329,8 +329,8 @@ class Bindings:
     def _is_before(self, binding: Binding, use: ast.AST, chain: list[ast.AST]) -> bool:
         """Whether a binding stands on every way to a use: before it, in a block that encloses it."""
         statement: ast.AST | None = binding.node
-        while statement is not None and not isinstance(statement, ast.stmt | ast.match_case):
-            if isinstance(statement, ast.IfExp | ast.BoolOp | ast.Lambda | ast.comprehension):
+        while statement is not None and not isinstance(statement, (ast.stmt, ast.match_case)):
+            if isinstance(statement, (ast.IfExp, ast.BoolOp, ast.Lambda, ast.comprehension)):
                 return False
             statement = self._source.parents.get(statement)
         if statement is None or statement is use:
@@ -436,7 +436,7 @@ def _named(node: ast.AST, target: ast.expr, value: ast.expr, added: bool) -> Ite
     for item in walk(target):
         if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store):
             yield item.id, Binding(node, value, whole=not added, counts=added)
-        elif isinstance(item, ast.Attribute | ast.Subscript) and isinstance(item.ctx, ast.Store):
+        elif isinstance(item, (ast.Attribute, ast.Subscript)) and isinstance(item.ctx, ast.Store):
             root = base(item)
             if root is not None:
                 yield root.id, Binding(node, value, whole=False)
@@ -459,6 +459,6 @@ def _changed(call: ast.Call) -> Iterator[tuple[str, Binding]]:
 
 def base(node: ast.expr) -> ast.Name | None:
     """The name at the beginning of a chain of attributes and items."""
-    while isinstance(node, ast.Attribute | ast.Subscript):
+    while isinstance(node, (ast.Attribute, ast.Subscript)):
         node = node.value
     return node if isinstance(node, ast.Name) else None

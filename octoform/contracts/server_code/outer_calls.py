@@ -61,7 +61,7 @@ class OuterCalls:
         """The result of a descriptor, a program or a thread."""
         first = given[0] if given else named.get("args")
         module, _, last = name.rpartition(".")
-        if name in ("os.open", "os.fdopen") and isinstance(first, Place | OpenFile):
+        if name in ("os.open", "os.fdopen") and isinstance(first, (Place, OpenFile)):
             return OpenFile(first) if isinstance(first, Place) else first
         if module == "os" and isinstance(first, OpenFile) and (last in ("read", "write", "pwrite", "pread")):
             return self.of_place(node, Method(first, last.removeprefix("p")), given[1:])
@@ -92,9 +92,9 @@ class OuterCalls:
             kind = [first] if name in ("path", "paths") and isinstance(first, str) else []
             places = [Place((owner.name, each)) for each in kind]
             return owner if name == "bus" else places if name == "paths" else places[0] if places else UNKNOWN
-        if isinstance(owner, Place | OpenFile):
+        if isinstance(owner, (Place, OpenFile)):
             return self.of_place(node, method, given)
-        if isinstance(owner, Later | Pool):
+        if isinstance(owner, (Later, Pool)):
             return self._of_thread(node, owner, name, given, named)
         if name in METHODS and is_known(owner) and hasattr(owner, name):
             parts = (owner, *given, *named.values())

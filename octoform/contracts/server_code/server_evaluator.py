@@ -7,8 +7,9 @@ computed has no outcome. So a right server in unusual words is never found wrong
 
 import ast
 import itertools
+import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from octoform.contracts.server_code.computed_values import (
     BINARY,
@@ -35,7 +36,7 @@ from octoform.contracts.server_code.computed_values import (
 )
 from octoform.contracts.server_code.file_names import FileNames
 from octoform.contracts.server_code.outer_calls import OuterCalls
-from octoform.contracts.server_code.server_source import Function, Source
+from octoform.contracts.server_code.server_source import Function, Source, parameters
 
 _MAX_STEPS, _MAX_DEPTH = 8000, 10
 Scope = dict[str, Any]
@@ -61,11 +62,11 @@ class Evaluator:
     ) -> None:
         self.world, self._source, self._harmless = world, source, harmless
         self._choices, self.taken = list(choices), list[bool]()
-        self._steps = self._depth = 0
-        self._left = world.left
+        self._left, self._end = world.left, max(world.left[0] - _MAX_STEPS, 0)
+        self._depth = 0
         self._module = FileNames(source, lambda node: self.value(node, {}))
         self._outer = OuterCalls(world, self._enter, self._strange)
-        self._functions = {item.name: item for item in source.functions if source.owner(item) is None}
+        self._functions = source.top_functions
 
     def call(self, function: Function, named: Mapping[str, Any]) -> Any:
         """The result of a function of the file, in plain values."""
@@ -83,18 +84,20 @@ class Evaluator:
         return scope
 
     def _enter(self, inner: Inner, given: Sequence[Any], named: Mapping[str, Any]) -> Any:
-        node, taken = inner.node, inner.node.args
-        if node in self._source.generators or taken.kwarg or self._depth >= _MAX_DEPTH:
+        node = inner.node
+        names, needed, defaults, rest = parameters(node)
+        if node in self._source.generators or node.args.kwarg or self._depth >= _MAX_DEPTH:
             raise Unsure
-        places = [*taken.posonlyargs, *taken.args]
-        names = [item.arg for item in places]
-        given = [inner.scope["self"], *given] if names[:1] == ["self"] and "self" in inner.scope else given
-        defaults = zip(names[len(places) - len(taken.defaults) :], taken.defaults, strict=True)
-        keyword = zip((item.arg for item in taken.kwonlyargs), taken.kw_defaults, strict=True)
-        scope = {**inner.scope, **{name: self.value(item, {}) for name, item in (*defaults, *keyword) if item}}
-        scope |= {**dict(zip(names, given, strict=False)), **named}
-        scope |= {taken.vararg.arg: tuple(given[len(names) :])} if taken.vararg else {}
-        if not scope.keys() >= {*names, *(item.arg for item in taken.kwonlyargs)}:
+        scope = dict(inner.scope)
+        if names[:1] == ("self",) and "self" in scope:
+            given = [scope["self"], *given]
+        for name, item in defaults:
+            scope[name] = self.value(item, {})
+        scope.update(zip(names, given, strict=False))
+        scope.update(named)
+        if rest is not None:
+            scope[rest] = tuple(given[len(names) :])
+        if not needed <= scope.keys():
             raise Unsure
         self._depth += 1
         try:
@@ -137,13 +140,13 @@ class Evaluator:
     def _store(self, target: ast.expr, value: Any, scope: Scope) -> None:
         if isinstance(target, ast.Name):
             scope[target.id] = value
-        elif isinstance(target, ast.Tuple | ast.List):
-            known = isinstance(value, list | tuple) and len(value) == len(target.elts)
+        elif isinstance(target, (ast.Tuple, ast.List)):
+            known = isinstance(value, (list, tuple)) and len(value) == len(target.elts)
             for at, item in enumerate(target.elts):
                 self._store(item, value[at] if known else UNKNOWN, scope)
         elif isinstance(target, ast.Subscript):
             record, key = self.value(target.value, scope), self.value(target.slice, scope)
-            if not isinstance(record, dict | list) or is_unknown(key):
+            if not isinstance(record, (dict, list)) or is_unknown(key):
                 raise Unsure
             plainly(record.__setitem__, key, value)
         elif isinstance(target, ast.Attribute) and isinstance(record := self.value(target.value, scope), dict):
@@ -229,35 +232,33 @@ class Evaluator:
 
     def value(self, node: ast.expr, scope: Scope) -> Any:
         """The value of an expression."""
-        self._steps += 1
-        self._left[0] -= 1
-        if self._left[0] < 0:
-            raise Spent
-        if self._steps > _MAX_STEPS:
-            raise Unsure
+        left = self._left
+        left[0] -= 1
+        if left[0] < self._end:
+            raise Spent if left[0] < 0 else Unsure
+        if isinstance(node, ast.Constant):
+            return node.value
+        if isinstance(node, ast.Name) and node.id in scope:
+            return scope[node.id]
         compute = _EXPRESSIONS.get(type(node))
         return UNKNOWN if compute is None else compute(self, node, scope)
 
-    def _name(self, node: ast.Name, scope: Scope) -> Any:
-        if node.id in scope:
-            return scope[node.id]
-        if node.id in self._functions:
-            return Inner(self._functions[node.id], {})
-        return self._module.value(node.id)
+    def _name(self, node: ast.Name, _: Scope) -> Any:
+        function = self._functions.get(node.id)
+        return self._module.value(node.id) if function is None else Inner(function, {})
 
     def _two(self, kind: type[ast.AST], left: Any, right: Any) -> Any:
-        if isinstance(left, Place) and kind is ast.Div:
+        if kind is ast.Div and isinstance(left, Place):
             return Place((*left.key, right)) if isinstance(right, str) else UNKNOWN
         if kind is ast.In or kind is ast.NotIn:
             return self._within(left, right, negated=kind is ast.NotIn)
-        sides = (left, right)
-        if kind in (ast.Is, ast.IsNot) and None in sides and not any(map(is_unknown, sides)):
-            return (left is right) is (kind is ast.Is)
+        if (kind is ast.Is or kind is ast.IsNot) and (left is None or right is None):
+            return UNKNOWN if is_unknown(left) or is_unknown(right) else (left is right) is (kind is ast.Is)
         combine = BINARY.get(kind)
-        return UNKNOWN if combine is None or not all(map(is_plain, sides)) else plainly(combine, left, right)
+        return plainly(combine, left, right) if combine is not None and is_plain(left) and is_plain(right) else UNKNOWN
 
     def _within(self, left: Any, right: Any, *, negated: bool) -> Any:
-        if is_plain(left) and isinstance(right, list | tuple | set | dict):
+        if is_plain(left) and isinstance(right, (list, tuple, set, dict)):
             if any(is_plain(item) and item == left for item in right):
                 return not negated
             return negated if all(map(is_plain, right)) else UNKNOWN
@@ -305,7 +306,7 @@ class Evaluator:
         return out
 
     def _rows(self, node: ast.List | ast.Tuple | ast.Set, scope: Scope) -> Any:
-        if any(isinstance(item, ast.Starred) for item in node.elts):
+        if ast.Starred in map(type, node.elts):
             return UNKNOWN
         rows = [self.value(item, scope) for item in node.elts]
         return tuple(rows) if isinstance(node, ast.Tuple) else rows
@@ -326,17 +327,18 @@ class Evaluator:
             return UNKNOWN
         key = self.value(node.slice, scope)
         known = isinstance(value, (list, tuple, dict, str)) and is_plain(key)
-        return plainly(lambda: value[key]) if known else UNKNOWN
+        return plainly(operator.getitem, value, key) if known else UNKNOWN
 
     def _attribute(self, node: ast.Attribute, scope: Scope) -> Any:
         owner = self.value(node.value, scope)
-        if isinstance(owner, DeviceOfRuntime) and node.attr == "folder":
+        if isinstance(owner, dict):
+            if node.attr in owner:
+                return owner[node.attr]
+            for method in self._methods(owner, node.attr):
+                return self._bound(method)
+        elif node.attr == "folder" and isinstance(owner, DeviceOfRuntime):
             return Place((owner.name, ""))
-        if isinstance(owner, dict) and node.attr in owner:
-            return owner[node.attr]
-        for method in self._methods(owner, node.attr):
-            return self._bound(method)
-        if isinstance(owner, Place) and node.attr == "name" and len(owner.key) > 2:
+        elif node.attr == "name" and isinstance(owner, Place) and len(owner.key) > 2:
             return owner.key[-1]
         return Method(owner, node.attr) if is_known(owner) or isinstance(owner, (Later, Pool)) else UNKNOWN
 
@@ -386,7 +388,7 @@ class Evaluator:
         name = self._source.dotted(node.func)
         if name.startswith("runtime.") and "()" not in name:
             return self._outer.of_runtime(node, name.removeprefix("runtime."), given, named)
-        known = self._above(node.func, scope) or self.value(node.func, scope)
+        known = (name.startswith("super().") and self._above(node.func, scope)) or self.value(node.func, scope)
         if isinstance(known, Inner):
             return self._enter(known, given, named)
         if isinstance(known, Method):
@@ -445,16 +447,22 @@ class Evaluator:
     def _strange(self, node: ast.Call, *given: Any) -> Any:
         """A call of what is not of the file: harmless, or the end of what is known; it may change what it is given."""
         name = self._source.dotted(node.func)
-        changed = any(isinstance(item, list | dict | set) for item in given)
+        changed = any(isinstance(item, (list, dict, set)) for item in given)
         if not self._harmless(node, name, changed):
             raise Unsure
         return UNKNOWN
 
 
-_Evaluator = TypeVar("_Evaluator", bound=Evaluator)
+class Way(Protocol):
+    """A call along one way, and the choices that were taken on it."""
+
+    taken: list[bool]
 
 
-def ways(make: Callable[[list[bool]], _Evaluator], most: int, *, whole: bool = False) -> Iterator[_Evaluator]:
+_Way = TypeVar("_Way", bound=Way)
+
+
+def ways(make: Callable[[list[bool]], _Way], most: int, *, whole: bool = False) -> Iterator[_Way]:
     """An evaluator for each way through a call; the caller makes the call with it before it takes the next one.
 
     There are at most so many; with ``whole``, Unsure where one is left.
@@ -482,7 +490,7 @@ _STATEMENTS: dict[type[ast.stmt], Any] = {
     **{ast.ImportFrom: Evaluator._nothing, ast.AsyncWith: Evaluator._with, ast.AsyncFunctionDef: Evaluator._define},
 }
 _EXPRESSIONS: dict[type[ast.expr], Any] = {
-    **{ast.Constant: lambda _, node, __: node.value, ast.Name: Evaluator._name, ast.BinOp: Evaluator._binary},
+    **{ast.Name: Evaluator._name, ast.BinOp: Evaluator._binary},
     **{ast.UnaryOp: Evaluator._unary, ast.Compare: Evaluator._compare, ast.BoolOp: Evaluator._boolean},
     **{ast.IfExp: Evaluator._choice, ast.JoinedStr: Evaluator._joined, ast.List: Evaluator._rows},
     **{ast.Tuple: Evaluator._rows, ast.Set: Evaluator._rows, ast.Dict: Evaluator._record},

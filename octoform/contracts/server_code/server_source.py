@@ -9,13 +9,14 @@ import warnings
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cache, cached_property, lru_cache
 from typing import Any
 
 from octoform.base.escaping import flattened
 from octoform.diagnostics import Diagnostic, Span, error
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
+_FUNCTIONS = (ast.FunctionDef, ast.AsyncFunctionDef)
 _MAX_LINE_SHOWN = 200
 _BELOW, _CHILDREN = "_octoform_below", "_octoform_children"
 
@@ -33,11 +34,11 @@ def walk(node: ast.AST) -> tuple[ast.AST, ...]:
 
 
 def children(node: ast.AST) -> tuple[ast.AST, ...]:
-    """The nodes right below a node, kept with it."""
+    """The nodes right below a node, kept with it; whether a name is read or stored is a member of it, and no node."""
     found: tuple[ast.AST, ...] | None = getattr(node, _CHILDREN, None)
     if found is None:
         parts: list[ast.AST] = []  # as `ast.iter_child_nodes` does, in half of the time
-        for name in node._fields:
+        for name in _parts(node._fields):
             value = getattr(node, name, None)
             if isinstance(value, ast.AST):
                 parts.append(value)
@@ -46,6 +47,15 @@ def children(node: ast.AST) -> tuple[ast.AST, ...]:
         found = tuple(parts)
         setattr(node, _CHILDREN, found)
     return found
+
+
+@cache
+def _parts(fields: tuple[str, ...]) -> tuple[str, ...]:
+    """Those of the fields of a class of nodes that may have nodes."""
+    return tuple(name for name in fields if name not in _NO_NODES)
+
+
+_NO_NODES = frozenset({"ctx", "id", "attr", "arg", "kind", "type_comment", "level", "module", "asname", "conversion"})
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,7 +115,7 @@ class Source:
     @cached_property
     def imports(self) -> tuple[ast.Import | ast.ImportFrom, ...]:
         """Every statement that imports, inside of functions too."""
-        return tuple(node for node in self.nodes if isinstance(node, ast.Import | ast.ImportFrom))
+        return tuple(node for node in self.nodes if isinstance(node, (ast.Import, ast.ImportFrom)))
 
     @cached_property
     def classes(self) -> tuple[ast.ClassDef, ...]:
@@ -115,7 +125,7 @@ class Source:
     @cached_property
     def functions(self) -> tuple[Function, ...]:
         """Every function and method, nested ones too."""
-        return tuple(node for node in self.nodes if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef))
+        return tuple(node for node in self.nodes if isinstance(node, _FUNCTIONS))
 
     def owner(self, node: ast.AST) -> Function | None:
         """The innermost function whose body holds ``node``; None at module or class level.
@@ -130,10 +140,10 @@ class Source:
         found: dict[ast.AST, Function | None] = {}
         for node in self.nodes:
             above = self.parents.get(node)
-            if isinstance(above, ast.FunctionDef | ast.AsyncFunctionDef) and node in above.body:
+            if isinstance(above, _FUNCTIONS) and node in above.body:
                 found[node] = above
             else:
-                # Contexts and operators are one object for many parents, of which the last counts.
+                # Operators are one object for many parents, of which the last counts.
                 found[node] = None if above is None else found.get(above)
         return found
 
@@ -155,6 +165,11 @@ class Source:
                 found.append(function)
                 queue += self._entered[function]
         return found
+
+    @cached_property
+    def top_functions(self) -> Mapping[str, Function]:
+        """The functions that no other one holds, by name; of several with one name, the last."""
+        return {item.name: item for item in self.functions if self.owner(item) is None}
 
     @cached_property
     def generators(self) -> frozenset[ast.AST]:
@@ -192,7 +207,7 @@ class Source:
         for item in self.nodes:
             if isinstance(item, ast.Name) and isinstance(item.ctx, ast.Store):
                 found.setdefault(self.owner(item), set()).add(item.id)
-            elif isinstance(item, ast.Global | ast.Nonlocal):
+            elif isinstance(item, (ast.Global, ast.Nonlocal)):
                 shared.setdefault(self.owner(item), set()).update(item.names)
         for function in self.functions:
             given = function.args
@@ -217,6 +232,20 @@ class Source:
             end = len(text.encode()[: node.end_col_offset].decode("utf-8", "ignore")) + 1
         shown = flattened(text[:_MAX_LINE_SHOWN])
         return error(code, summary, span=Span(line, column, end), source=shown, hint=hint)
+
+
+@lru_cache(maxsize=256)
+def parameters(
+    node: Function | ast.Lambda,
+) -> tuple[tuple[str, ...], frozenset[str], tuple[tuple[str, ast.expr], ...], str | None]:
+    """(names by place, all names, defaults, the name of the rest) of what a function takes."""
+    taken = node.args
+    names = [item.arg for item in (*taken.posonlyargs, *taken.args)]
+    only = [item.arg for item in taken.kwonlyargs]
+    defaults = zip(names[len(names) - len(taken.defaults) :], taken.defaults, strict=True)
+    keyword = zip(only, taken.kw_defaults, strict=True)
+    usual = tuple((name, item) for name, item in (*defaults, *keyword) if item is not None)
+    return tuple(names), frozenset({*names, *only}), usual, taken.vararg.arg if taken.vararg else None
 
 
 @lru_cache(maxsize=4)

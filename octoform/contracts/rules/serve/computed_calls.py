@@ -1,17 +1,18 @@
 """The calls of a served tool, computed on attributes that are made up: what comes back, and what was written."""
 
 import ast
-import contextlib
 import itertools
 import re
 from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 from octoform.base.quantities import unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
 from octoform.contracts.rules.serve.write_rules import only_reads
-from octoform.contracts.server_code.computed_values import Failed, Key, Unsure, World
+from octoform.contracts.server_code.computed_values import Failed, Key, Spent, Unsure, World
 from octoform.contracts.server_code.server_evaluator import Evaluator, ways
 from octoform.contracts.server_code.server_source import Function, Source
 
@@ -29,8 +30,9 @@ class Calls:
             if len(functions) == 1:
                 self.served[tool["name"]] = tool, functions[0]
         acting = {each for tool, root in self.served.values() if tool["effect"] != "read" for each in self._used(root)}
-        self._of_readings = frozenset(call for call, _ in source.calls if source.owner(call) not in acting)
-        """The calls that no tool which sets something makes: what they give is unknown, and no more than that."""
+        # The calls that no tool which sets something makes: what they give is unknown, and no more than that.
+        of_readings = frozenset(call for call, _ in source.calls if source.owner(call) not in acting)
+        self._known = _known(source, of_readings)
 
     def _used(self, root: Function) -> list[Function]:
         return self.source.entered_from([root])
@@ -53,24 +55,18 @@ class Calls:
         What a program did is known to those only who look at its words (``programs``).
         """
         _, function = self.served[tool]
-
-        def along(choices: list[bool]) -> Evaluator:
-            now = World(world.usual, world.left, dict(world.stored))
-            return Evaluator(self.source, now, choices, self._harmless)
-
-        for call in ways(along, _MAX_WAYS, whole=True):
-            with contextlib.suppress(Failed):
-                result = call.call(function, given)
-                if call.world.ran and not programs:
-                    raise Unsure
-                yield call.world, result
+        for call in ways(lambda choices: self._known.outcome(function, given, choices, world), _MAX_WAYS, whole=True):
+            if call.unsure or (call.world.ran and not programs and not call.failed):
+                raise Unsure
+            if not call.failed:
+                yield call.after(world), call.result
 
     def number(self, node: ast.expr | ast.stmt, name: str, number: float) -> float | None:
         """What an expression is, or what a name is after a statement, where this name has this number before.
 
         None where it is no number, or not certainly the same one.
         """
-        evaluator = Evaluator(self.source, self.world(1000.0, 500.0, {}), [], self._harmless)
+        evaluator = Evaluator(self.source, self.world(1000.0, 500.0, {}), [], self._known.harmless)
         try:
             known = {name: number}
             found = evaluator.run([node], known)[name] if isinstance(node, ast.stmt) else evaluator.value(node, known)
@@ -78,11 +74,74 @@ class Calls:
             return None
         return found if type(found) in (int, float) and not evaluator.taken else None
 
-    def _harmless(self, call: ast.Call, name: str, changed: bool) -> bool:
+
+class _Outcome:
+    """What comes of one call along one way."""
+
+    def __init__(self, call: Evaluator, function: Function, given: Mapping[str, Any]) -> None:
+        self.world, left = call.world, call.world.left[0]
+        self.result, self.failed, self.unsure = None, False, False
+        try:
+            self.result = call.call(function, given)
+        except Failed:
+            self.failed = True
+        except Unsure:
+            self.unsure = True
+        self.taken, self.steps = call.taken, left - self.world.left[0]
+
+    def after(self, world: World) -> World:
+        """The attributes after the same call in a world that has the same texts where this one read."""
+        then = self.world
+        stored = {**world.stored, **{key: then.stored[key] for key in then.written}}
+        return World(world.usual, world.left, stored, then.read, then.written, then.ran)
+
+
+@dataclass(frozen=True)
+class _Next:
+    """The attribute that a call reads next, and what comes of the call for each text of it."""
+
+    key: Key
+    by_text: dict[Any, "_Outcome | _Next"]
+
+
+class _Known:
+    """The calls of a file that were computed, for all rules: the same call on the same texts does the same."""
+
+    def __init__(self, source: Source, of_readings: frozenset[ast.Call]) -> None:
+        self._source, self._of_readings = source, of_readings
+        self._first: dict[Any, _Outcome | _Next] = {}
+
+    def outcome(self, function: Function, given: Mapping[str, Any], choices: list[bool], world: World) -> _Outcome:
+        """What comes of a call that begins in a world, along the way that begins with these choices."""
+        call = function, repr(given), tuple(choices)
+        found = self._first.get(call)
+        while isinstance(found, _Next):
+            found = found.by_text.get(world.peek(found.key))
+        if found is None:
+            now = World(world.usual, world.left, dict(world.stored))
+            found = _Outcome(Evaluator(self._source, now, choices, self.harmless), function, given)
+            self._keep(call, found)
+        else:  # as if it were computed again: no verdict depends on which rules ran before
+            world.left[0] -= found.steps
+            if world.left[0] < 0:
+                raise Spent
+        return found
+
+    def _keep(self, call: Any, outcome: _Outcome) -> None:
+        at, last = self._first, call
+        for key, text in outcome.world.met.items():
+            step = at.setdefault(last, _Next(key, {}))
+            at, last = step.by_text if isinstance(step, _Next) else {}, text
+        at[last] = outcome
+
+    def harmless(self, call: ast.Call, name: str, changed: bool) -> bool:
         """Whether a call changes no attribute, and none of the lists and tables that it may be given (``changed``)."""
         if call in self._of_readings and not changed:
             return True
-        return name == "time.sleep" or name.startswith("logging.") or only_reads(self.source, call, name)
+        return name == "time.sleep" or name.startswith("logging.") or only_reads(self._source, call, name)
+
+
+_known = lru_cache(maxsize=4)(_Known)
 
 
 def arguments(tool: JsonObject, device: str, spared: str | None = None) -> Iterator[dict[str, Any]]:

@@ -313,7 +313,7 @@ def _attribute_listens(source: Source, node: ast.Attribute) -> bool:
     if name == "os.open":
         flags = [item for arg in call.args[1:2] for item in walk(arg)] if call is not None else []
         named = {item.attr for item in flags if isinstance(item, ast.Attribute)}
-        plain = all(isinstance(item, ast.Attribute | ast.Name | ast.BinOp | ast.BitOr | ast.Load) for item in flags)
+        plain = all(isinstance(item, ast.Attribute | ast.Name | ast.BinOp | ast.BitOr) for item in flags)
         return (
             bool(named)
             and plain
