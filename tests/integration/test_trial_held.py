@@ -61,7 +61,7 @@ MUTE_TOOLS = (
 def muted(name: str) -> Edit:
     """The tool reads its device, and then fails whatever the reading is."""
     text = 'said = runtime.read_text(runtime.device(device).folder / "uevent")\nif said != "later":\n'
-    late = "min(seconds, 0.1) / events" if name == "read_input_events" else "0.1"
+    late = "seconds / events" if name == "read_input_events" else "0.1"
     return body(name, f'{text}    time.sleep({late})\n    raise ToolError("not yet")\nreturn said')
 
 
