@@ -78,6 +78,9 @@ class Flow(Deciding):
         self._deciding = {}
         self._results: dict[Function, list[ast.expr]] = {}
         self._binders: dict[ast.Name, ast.comprehension | ast.Lambda | None] = {}
+        targets = [item for one in source.by_kind[ast.comprehension] for item in walk(one.target)]
+        self._inner_names = {item.id for item in targets if isinstance(item, ast.Name)}
+        self._inner_names |= {item.arg for one in source.by_kind[ast.Lambda] for item in arguments(one)}
         self._settle()
 
     def of(self, node: ast.AST | None) -> Origins:
@@ -210,6 +213,8 @@ class Flow(Deciding):
 
     def _binder(self, node: ast.Name) -> ast.comprehension | ast.Lambda | None:
         """The bindings of a name inside of an expression; each is the same one in every round."""
+        if node.id not in self._inner_names:
+            return None
         if node not in self._binders:
             self._binders[node] = self._binder_of(node)
         return self._binders[node]

@@ -193,13 +193,17 @@ def _asks_wrongly(source: Source, flow: Flow, asked: list[ast.Call], tool: JsonO
         sliced = isinstance(part, ast.Subscript) and isinstance(part.slice, ast.Slice)
         if (changed or sliced) and flow.of(part) & Origin.DEVICE:
             return "asks for another id than the one that the caller names"
-    for node in source.by_kind[ast.Dict] if asked else ():
-        pairs = [
-            (constants(flow, key), constants(flow, each)) for key, each in zip(node.keys, node.values, strict=True)
-        ]
-        if any(one and two and one != two and (one | two) <= set(tool["devices"]) for one, two in pairs):
-            return "asks for another device than the one that the caller names"
+    if asked and any(one != two and (one | two) <= set(tool["devices"]) for one, two in _pairs(source, flow)):
+        return "asks for another device than the one that the caller names"
     return None
+
+
+@lru_cache(maxsize=4)
+def _pairs(source: Source, flow: Flow) -> list[tuple[frozenset[str], frozenset[str]]]:
+    """The strings that a key and its value can be, of each entry of a table in which both are strings of the file."""
+    entries = [each for node in source.by_kind[ast.Dict] for each in zip(node.keys, node.values, strict=True)]
+    pairs = [(one, constants(flow, each)) for key, each in entries if (one := constants(flow, key))]
+    return [(one, two) for one, two in pairs if two]
 
 
 def _names_another(source: Source, roots: list[Function], tool: JsonObject, artifacts: Artifacts) -> str | None:
