@@ -6,7 +6,8 @@ plan with nothing to do. What these files do not have (an unborn branch, a ref s
 Where git is called, no program that the repository names is ever run. A repository's configuration may name programs
 for almost anything (hooks, a file monitor, filters, signing, a pager), and anyone who can write below `.git` chooses
 them: an agent, or anyone who gave the folder away. So each is switched off, or set to what the person's own
-configuration states. Nothing is fetched either. What starts programs is imported only when git is called.
+configuration states. Nothing is fetched either. GitPython runs it, and is imported only when git is called: neither a
+command outside a repository nor a plan without a commit since the last apply pays for it.
 """
 
 import os
@@ -157,7 +158,7 @@ def settings(root: str, environment: Mapping[str, str]) -> list[Setting]:
     blocking = _blocking(Path(root))
     if blocking is not None:
         raise RepositoryRefused(f"{blocking!r} is a pipe or a device, and git would wait for it")
-    done = run([*_words(root), "config", "--show-scope", "--show-origin", "--list", "-z"], environment)
+    done = run(root, [*_words(root), "config", "--show-scope", "--show-origin", "--list", "-z"], environment)
     if done.returncode == _MISUSED:
         raise RepositoryRefused(
             "this git is older than 2.26 and does not show the scope of a setting; install a newer one"
@@ -227,27 +228,37 @@ def call(root: str, arguments: list[str], environment: Mapping[str, str] | None 
 
     One that did not end in time is killed, and its complaint states that."""
     variables = environment or {}
-    return run([*command(root, settings(root, variables)), *arguments], variables)
+    return run(root, [*command(root, settings(root, variables)), *arguments], variables)
 
 
-def run(words: list[str], environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
+def run(root: str, words: list[str], environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
     """Run these words, of which `command` gives the first, in our variables, those that keep git from asking, fetching
     and editing, and those of the call."""
-    from subprocess import DEVNULL, PIPE, CompletedProcess, Popen, TimeoutExpired
+    from subprocess import CompletedProcess
 
-    inherited = {name: value for name, value in os.environ.items() if name not in _INHERITED}
-    variables = {**inherited, **_FIXED, **environment}
     try:
-        process = Popen(words, env=variables, stdin=DEVNULL, stdout=PIPE, stderr=PIPE)
-    except FileNotFoundError as problem:
+        from git import Git, GitCommandNotFound  # looks for the program when it is imported, which takes its time
+    except ModuleNotFoundError:
+        raise  # octoform is not installed as it should be, which is another thing than no git
+    except ImportError as problem:
         raise FileNotFoundError("there is no git program") from problem
-    with process:
-        try:
-            output, complaints = process.communicate(timeout=SECONDS)
-        except TimeoutExpired:
-            process.kill()
-            return CompletedProcess(words, process.wait(), b"", f"it did not end within {SECONDS} s".encode())
-        except BaseException:
-            process.kill()
-            raise
-    return CompletedProcess(words, process.returncode, output, complaints)
+    try:
+        status, output, complaints = Git(root).execute(
+            [*_without_inherited(environment), *words],
+            env={**_FIXED, **environment},
+            shell=False,
+            with_extended_output=True,
+            with_exceptions=False,
+            stdout_as_string=False,
+            strip_newline_in_stdout=False,
+            kill_after_timeout=SECONDS,
+        )
+    except GitCommandNotFound as problem:
+        raise FileNotFoundError("there is no git program") from problem
+    return CompletedProcess(words, status, output, complaints.encode(errors="surrogateescape"))
+
+
+def _without_inherited(environment: Mapping[str, str]) -> list[str]:
+    """What stands before a command to take the variables of a calling git away: the library can only add some."""
+    inherited = [name for name in _INHERITED if name in os.environ and name not in environment]
+    return ["env", *(word for name in inherited for word in ("-u", name))] if inherited else []

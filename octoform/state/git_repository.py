@@ -109,7 +109,7 @@ class _Git:
         return done.stdout if done.returncode == 0 else None
 
     def _call(self, *arguments: str) -> "CompletedProcess[bytes]":
-        return run([*self.words, *arguments], {**_PLAINLY, **self.extra})
+        return run(str(self.where.root), [*self.words, *arguments], {**_PLAINLY, **self.extra})
 
 
 def _open(project: Path, paths: Iterable[Path] = ()) -> tuple[_Git | None, list[Diagnostic]]:

@@ -36,7 +36,7 @@ evidence: {text: [USB Serial]}
 
 It dims in steps.
 """
-HEAVY = ("pydantic", "ruamel", "jsonschema", "jinja2", "rich", "fastmcp")
+HEAVY = ("pydantic", "ruamel", "jsonschema", "jinja2", "rich", "git", "fastmcp")
 
 
 @dataclass(frozen=True)

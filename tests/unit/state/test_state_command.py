@@ -210,7 +210,7 @@ def test_a_call_that_does_not_end_is_ended(planted: Planted, monkeypatch: pytest
     slow.chmod(0o755)
     monkeypatch.setenv("PATH", f"{slow.parent}:{os.environ['PATH']}")
     done = call(str(planted.root), ["status"])
-    assert done.returncode != 0 and b"did not end within 0.3 s" in done.stderr
+    assert done.returncode != 0 and b"did not complete in 0.3 secs" in done.stderr
 
 
 def test_what_the_environment_says_of_another_repository_and_of_programs_is_not_taken(

@@ -15,7 +15,7 @@ from octoform.state.store.quick_read import peek
 from octoform.state.store.snapshot import read_snapshot
 
 ROOT = Path(__file__).parents[3]
-HEAVY = ("pydantic", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
+HEAVY = ("pydantic", "git", "jsonschema", "ruamel", "jinja2", "rich", "tempfile", "subprocess")
 LIGHT = (
     *("layout", "files", "store.quick_read", "store.journal", "store.lock"),
     *("accepted", "artifact_cache", "git_access"),

@@ -3,6 +3,7 @@
 import os
 import shutil
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -388,9 +389,16 @@ def test_an_index_that_is_locked_delays_only_the_index(repo: Project) -> None:
     assert repo.git("status", "--porcelain") == ""
 
 
-def test_without_a_git_program(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("PATH", str(repo.root))
-    assert [item.code for item in repository_facts(repo.root, [])[1]] == ["GIT-UNUSABLE"]
+def test_without_a_git_program(repo: Project) -> None:
+    """In a process of its own, since the library looks for the program once."""
+    program = (
+        "import sys; from pathlib import Path; from octoform.state.git_repository import repository_facts;"
+        "print([item.code for item in repository_facts(Path(sys.argv[1]), [])[1]])"
+    )
+    environment = {"PATH": str(repo.root), "PYTHONPATH": str(Path(__file__).parents[3])}
+    command = [sys.executable, "-c", program, str(repo.root)]
+    run = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert (run.stdout.strip(), run.returncode) == ("['GIT-UNUSABLE']", 0), run.stderr
 
 
 def test_with_a_git_that_shows_no_scope_no_setting_is_taken_for_the_persons(
