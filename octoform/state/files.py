@@ -129,14 +129,17 @@ def _disk_full(problem: OSError, path: Path) -> Diagnostic:
         summary = f"the disk quota on {mount} is spent"
     else:
         summary = f"no space left on {mount}"
+    hint = f"free some space on {mount} and run the same command again"
     detail = "nothing was lost: the former file is intact"
     try:
         facts = os.statvfs(mount)
         free, total = facts.f_bavail * facts.f_frsize, facts.f_blocks * facts.f_frsize
         detail = f"{mount}: {free // 1024} KiB free of {total // 1024} KiB; {detail}"
+        if problem.errno == errno.ENOSPC and facts.f_files and not facts.f_favail:  # (some file systems count none)
+            summary = f"no inodes left on {mount}: it holds {facts.f_files} files, and takes no more"
+            hint = f"remove some files on {mount}, of any size, and run the same command again"
     except OSError as unknown:
         detail = f"{mount}: {unknown.strerror}; {detail}"
-    hint = f"free some space on {mount} and run the same command again"
     return error("STATE-DISK-FULL", summary, path=display(path), detail=detail, hint=hint)
 
 

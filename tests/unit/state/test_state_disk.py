@@ -7,13 +7,14 @@ import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
 from octoform.base.files import TEMPORARY
 from octoform.diagnostics import Diagnostic
 from octoform.state.accepted import accept, file_digest
-from octoform.state.files import check_writable, full_disk, read_regular, reserve_path, write_atomic
+from octoform.state.files import check_writable, full_disk, read_regular, refused, reserve_path, write_atomic
 from octoform.state.layout import Layout
 from octoform.state.model import NodeState
 from octoform.state.store.store import Ports, StateStore
@@ -217,3 +218,14 @@ def test_reading_is_bounded_and_of_regular_files_only(tmp_path: Path) -> None:
     for special in ("/dev/zero", "/dev/null", str(tmp_path)):
         data, problem = read_regular(Path(special))
         assert data is None and problem is not None and problem.code == "STATE-LINK"
+
+
+@pytest.mark.parametrize(("files", "left", "named"), [(60_000, 0, True), (60_000, 1, False), (0, 0, False)])
+def test_a_disk_without_inodes_is_not_called_full(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, files: int, left: int, named: bool
+) -> None:
+    facts = SimpleNamespace(f_bavail=1000, f_frsize=1024, f_blocks=2000, f_files=files, f_favail=left)
+    monkeypatch.setattr(os, "statvfs", lambda _: facts)
+    found = refused(OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), tmp_path / "a")
+    assert found.code == "STATE-DISK-FULL"
+    assert ("inodes" in found.summary, "remove some files" in (found.hint or "")) == (named, named)
