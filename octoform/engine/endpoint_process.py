@@ -1,6 +1,5 @@
 """Start, stop and restart the endpoint's process for a person."""
 
-import getpass
 import os
 import sys
 from collections.abc import Mapping
@@ -15,7 +14,7 @@ from octoform.endpoint.process.systemd import watch_name, watch_path, watch_text
 from octoform.endpoint.published_files import LAUNCHER, of_another
 from octoform.engine.tools import layout_of
 from octoform.records import dataclass
-from octoform.state.files import foreign, write_atomic
+from octoform.state.files import foreign, name_of, write_atomic
 from octoform.state.layout import Layout
 
 
@@ -161,7 +160,7 @@ def unit_of(project: Path, environ: Mapping[str, str], *, own: bool) -> tuple[Un
         return None, found
     if not systemd.fits(layout):
         return None, [error("SERVICE-PATH", "a path with a line break cannot be in a unit", path=str(project))]
-    name, account = systemd.unit_name(layout), getpass.getuser()
+    name, account = systemd.unit_name(layout), name_of(os.getuid())
     path = systemd.unit_path(layout, environ) if own else SYSTEM_FOLDER / name
     programs, user = environ.get("PATH") or os.defpath, None if own else account
     text = systemd.unit_text(layout, programs, user)

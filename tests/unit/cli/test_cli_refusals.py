@@ -160,7 +160,13 @@ def test_a_plan_is_saved_over_no_other_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not POSSIBLE, reason="only root can act as another user")
-@pytest.mark.parametrize("words", ["clients list", "clients install codex", "connect -print codex", "service install"])
+@pytest.mark.parametrize(
+    "words",
+    [
+        *("clients list", "clients install codex", "connect -print codex"),
+        *("service install", "service install -user", "service install -print", "service uninstall -user"),
+    ],
+)
 def test_a_user_without_a_home_and_an_account_reads_a_sentence(words: str) -> None:
     with ordinary_user(61234) as user:
         (user.place / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
