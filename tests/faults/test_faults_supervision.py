@@ -5,15 +5,18 @@ And tools that start a process without any variable: none outlives the check, a 
 
 import json
 import os
+import runpy
 import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import pytest
+from bench_host import bench_host
 from harness_confined import Host
-from projects import Project
+from ordinary import OPEN_PYTHON, POSSIBLE, ordinary_user
+from projects import AGENT, Project
 from waiting import until
 
 USERS = [0, 1000] if os.getuid() == 0 else [os.getuid()]
@@ -230,20 +233,19 @@ subprocess.run(["awk", "-v", "to=" + PLACE, "{print >> to}"], input=f"{_left}\\n
 """
 
 
-@pytest.fixture
-def hiding(tmp_path: Path) -> tuple[Project, Path]:
+def hiding(place: Path) -> tuple[Project, Path]:
     """A project whose tool starts a process without any variable at each call, and the file with their pids."""
-    project = Project(tmp_path / "project", tmp_path / "outside")
-    place = tmp_path / "pids"
+    project = Project(place / "project", place / "outside")
+    pids = place / "pids"
     good = (Path(__file__).parents[1] / "agent" / "good" / "server.py").read_text()
-    body = "".join(f"    {line}\n" for line in HIDING.replace("PLACE", repr(str(place))).strip().splitlines())
+    body = "".join(f"    {line}\n" for line in HIDING.replace("PLACE", repr(str(pids))).strip().splitlines())
     hidden = good.replace("from typing", "import subprocess\nfrom typing", 1).replace(
         "    with bus(", body + "    with bus(", 1
     )
-    server = tmp_path / "server.py"
+    server = place / "server.py"
     server.write_text(hidden)
     project.script = {"serve": [{"copy": str(server)}]}
-    return project, place
+    return project, pids
 
 
 def pids(place: Path) -> list[int]:
@@ -258,16 +260,48 @@ ENDS = (
 )
 
 
-def test_what_a_tool_starts_without_any_variable_ends(hiding: tuple[Project, Path], compiled: Path) -> None:
-    project, place = hiding
+def attack(project: Project, place: Path, ends: Sequence[Sequence[str]], before_apply: Callable[[], None]) -> None:
+    """What the tool leaves at the check and at a call: the check ends the one, and each of these ends the other."""
     done = project.apply(status=0)
     assert "ENDPOINT-LEFT-RUNNING" in done.codes()
     assert pids(place) and not [pid for pid in pids(place) if is_alive(pid)], "the check left it running"
-    for end in ENDS:
+    for end in ends:
         project.run("call", "read_temperature", "-start", status=0)
         left = pids(place)[-1]
         assert is_alive(left)
         if end[0] == "apply":
-            project.take_environments(compiled)  # what it builds again, and what is removed after it, is its own
+            before_apply()
         project.run(*end, status=0)
         until(lambda pid=left: not is_alive(pid))  # type: ignore[misc]
+
+
+def test_what_a_tool_starts_without_any_variable_ends(tmp_path: Path, compiled: Path) -> None:
+    project, place = hiding(tmp_path)
+    # What an apply builds again, and what is removed after it, is the project's own.
+    attack(project, place, ENDS, lambda: project.take_environments(compiled))
+
+
+@pytest.mark.skipif(not POSSIBLE or not OPEN_PYTHON.exists(), reason="only root can become another user")
+def test_what_a_tool_starts_without_any_variable_ends_for_an_ordinary_user(
+    compiled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with ordinary_user() as user:
+        project, place = hiding(user.place)
+        command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
+        project.harness = f"{{name: command, command: {command}, sandbox: false}}"
+        # That user's interpreter does not have the packages whose versions the agent writes down.
+        (user.place / "task.json").write_text(json.dumps({"input": str(user.place / "server.py")}))
+        monkeypatch.setenv("OCTOFORM_TASK", str(user.place / "task.json"))
+        project.script["deploy"] = [{"write": runpy.run_path(str(AGENT))["good"]("deploy")}]
+        monkeypatch.delenv("OCTOFORM_TASK")
+        root = bench_host(user.place / "root")
+        project.environ = {"HOME": str(user.place / "home"), "OCTOFORM_SYSROOT": str(root)}
+        project.user = user.prefix
+        (user.place / "home").mkdir()
+        project.write()
+        project.take_environments(compiled, linked=False)
+        user.owns_all()
+        try:
+            attack(project, place, [("restart",), ("stop",)], user.owns_all)
+        finally:
+            project.run("stop")

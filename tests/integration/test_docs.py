@@ -97,6 +97,12 @@ def test_the_readmes_commands_run_in_their_order_in_a_fresh_clone_and_outside_of
         assert "error[" not in done.stderr, (words, done.stderr)
         fields[words[0]] = done.stdout
     assert ": in sync, healthy" in fields["status"]
+    found = re.findall(r"^  (discovered|identified|unknown|skipped) +(\d+) ", fields["apply"], re.MULTILINE)
+    counts = {word: int(number) for word, number in found}
+    named = counts["identified"] + counts["unknown"]
+    assert counts["discovered"] == named + counts["skipped"], counts
+    assert re.findall(r"^skipped \((\d+)\)", fields["coverage"], re.MULTILINE) == [str(counts["skipped"])]
+    assert re.search(rf"^{named} devices?,.* {counts['skipped']} skipped;", fields["devices"], re.MULTILINE)
     if host == "empty-vm":
         assert fields["tools"] == fields["call"] and fields["call"].startswith(
             "The endpoint has no tools: nothing here"

@@ -107,9 +107,25 @@ def test_another_users_manifest_above_is_not_taken(
     assert main(["validate"]) == 1 and "working in" not in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["-no-color", "version"], ["version", "-no-color"], ["version", "--no-color"]])
-def test_colour_can_be_switched_off_before_and_behind_the_command(words: list[str]) -> None:
-    assert main(words) == 0
+@pytest.mark.parametrize(
+    ("words", "painted"),
+    [
+        (["plan"], True),
+        (["-no-color", "plan"], False),
+        (["plan", "-no-color"], False),
+        (["plan", "--no-color"], False),
+    ],
+)
+def test_colour_can_be_switched_off_before_and_behind_the_command(
+    words: list[str], painted: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shown = Terminal()
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("NO_COLOR", raising=False)
+    monkeypatch.setenv("TERM", "xterm")
+    monkeypatch.setattr("sys.stderr", shown)
+    assert main(words) == 1, "there is no octopus.yaml"
+    assert ("\x1b[" in shown.getvalue()) is painted, shown.getvalue()
 
 
 def test_bash_completes_commands_verbs_options_and_choices() -> None:
