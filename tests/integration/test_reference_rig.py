@@ -30,6 +30,8 @@ ARM, RAIL, CAMERA = "usb-1a86-55d3", "usb-2341-804f", "usb-045e-0772"
 TRANSACTIONS, CALLS = 300, 10
 """Packets of all together, and calls of each client: without the lock of the bus the first ten calls spoil some."""
 SIZE = {"width": 320, "height": 240}
+LARGEST_ENDPOINT = 120_000
+"""KiB resident after a picture: what a board of 1 GB has room for; the library of the camera alone takes 40,000."""
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 STEPS = ("step.perceive", "step.arm", "step.rail")
 
@@ -167,6 +169,15 @@ def test_its_pictures_are_looked_into_by_forks_that_have_the_library_loaded(benc
     server = ForkServer.at(environment.python, "pictures")
     ended = run(words, cwd=tmp_path, environment={}, timeout=30.0, fork_server=server)
     assert (ended.status, ended.stdout) == (0, "cv2\n")
+
+
+def test_a_picture_leaves_its_library_in_a_process_that_ends_and_the_endpoint_small(bench: Bench) -> None:
+    assert bench.picture()
+    pid = json.loads(bench.project.run("status", "-json").out)["process"]["pid"]
+    mapped = {Path(line.split()[-1]).name for line in Path(f"/proc/{pid}/maps").read_text().splitlines()}
+    assert not [name for name in mapped if "cv2" in name or "opencv" in name]
+    resident = Path(f"/proc/{pid}/status").read_text().partition("VmRSS:")[2].split()[0]
+    assert int(resident) < LARGEST_ENDPOINT
 
 
 def test_look_saves_what_the_camera_shows(bench: Bench, tmp_path: Path) -> None:
