@@ -39,6 +39,20 @@ def test_links_lead_to_files(path: Path) -> None:
     assert gone == []
 
 
+def test_tests_that_are_named_are_there() -> None:
+    named = {name: path.name for path in DOCUMENTS for name in re.findall(r"`(tests/[\w./-]+)`", path.read_text())}
+    assert len(named) > 10
+    assert {name: where for name, where in named.items() if not (ROOT / name).exists()} == {}
+
+
+@pytest.mark.parametrize("topic", ["device_moved", "claim", "caps", "perception", "macOS", "WSL2"])
+def test_each_divergence_of_the_lifecycle_is_reported_with_what_shows_it(topic: str) -> None:
+    _, _, lifecycle = (ROOT / "docs" / "paper.md").read_text().partition("## The lifecycle\n")
+    rows = [line.split(" | ") for line in lifecycle.splitlines() if line.startswith("| ") and " | " in line]
+    shown = [LINK.findall(row[2]) for row in rows if topic in " ".join(row[:2])]
+    assert shown and all(shown), "a row about it leads to the page that describes it"
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_commands_of_examples_exist(path: Path) -> None:
     for words in commands(path):
