@@ -331,3 +331,7 @@ def main(arguments: list[str]) -> int:
         containment="subreaper" if contained else "process_group",
     )
     return 1 if remaining else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
