@@ -66,6 +66,11 @@ def foldered(path: Path) -> None:
     path.mkdir()
 
 
+def written(document: dict[str, object]) -> Callable[[Path], object]:
+    """Puts a document in the place of a file."""
+    return lambda path: path.write_text(json.dumps(document))
+
+
 WORDS = {
     "brackets": "[" * 200_000,
     "nul": '{"format": 1, "devices": {"camera": {"serial": "a\\u0000b", "port": "1-1"}}}',
@@ -94,6 +99,20 @@ def test_a_document_of_900_levels_ends_no_command(subject: Subject, inside: str,
     case = subject.judge(Case(inside, "deep", 0), deep)
     assert case.wrong == []
     assert case.told.endswith(told)
+
+
+@pytest.mark.parametrize("value", [3, "a\0b"], ids=["a number", "a nul"])
+def test_a_wrong_value_of_the_endpoints_manifest_ends_no_command_and_is_written_again(
+    subject: Subject, value: object
+) -> None:
+    inside = f"{HERE}/endpoint/manifest.json"
+    document = json.loads((subject.project.folder / inside).read_bytes())
+    names = [name for name in document if name != "format"]
+    for number, name in enumerate(names):
+        looked = subject.look(Case(inside, name, number), written(document | {name: value}))
+        assert looked.wrong == [], name
+    case = subject.judge(Case(inside, "all", 0), written(document | dict.fromkeys(names, value)))
+    assert (case.wrong, case.told) == ([], "recovered")
 
 
 PIPED = (
