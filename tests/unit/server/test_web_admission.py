@@ -1,6 +1,7 @@
 """Who gets in over HTTP, and what ends when a token ends."""
 
 import asyncio
+import hashlib
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -96,8 +97,17 @@ def test_session_belongs_to_the_value_that_opened_it(opened: Door) -> None:
     assert opened.ask("POST", "/mcp", body=ping, headers=bearer("new-value-of-all") | session)[0] == 404
 
 
+VALUE = hashlib.sha256(b"value-of-all").hexdigest()
+NO_ZONE = {"name": "all", "sha256": VALUE, "effects": ["read"], "created": "", "expires": "2036-01-01T00:00:00"}
+DAMAGED = {
+    "damaged": "{",
+    "nested without end": "[" * 200_000,
+    "an end without a time zone": json.dumps({"format": 1, "tokens": [NO_ZONE]}),
+}
+
+
 @pytest.mark.parametrize("mode", ["auto", "legacy"])
-@pytest.mark.parametrize("change", ["revoked", "rotated", "expired", "damaged"])
+@pytest.mark.parametrize("change", ["revoked", "rotated", "expired", *DAMAGED])
 def test_ended_token_ends_what_is_under_way(opened: Door, mode: str, change: str) -> None:
     async def call() -> bool:
         async with opened.client("value-of-all", mode) as client:
@@ -117,14 +127,16 @@ def test_ended_token_ends_what_is_under_way(opened: Door, mode: str, change: str
 
     asyncio.run(bounded())
     assert opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("value-of-all"))[0] == 401
-    if change != "damaged":
-        assert opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("value-of-other"))[0] == 200
+    other = opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("value-of-other"))[0]
+    assert other == (401 if change in DAMAGED else 200)
+    write_tokens(opened.run, TOKENS)
+    assert opened.ask("POST", "/mcp", body=INITIALIZE, headers=bearer("value-of-all"))[0] == 200, "the door goes on"
 
 
 def _end_token(run: Path, change: str) -> None:
     tokens = dict(TOKENS)
-    if change == "damaged":
-        (run / "tokens.json").write_text("{")
+    if change in DAMAGED:
+        (run / "tokens.json").write_text(DAMAGED[change])
         return
     del tokens["all"]
     if change == "rotated":
