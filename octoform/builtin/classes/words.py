@@ -176,7 +176,10 @@ def claim_plain(device: Device) -> Claim | None:
 
 
 def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
-    """(line, words, what they are) of the device's own strings, then of the database."""
+    """(line, words, what they are) of the device's own strings, then of the database.
+
+    Where the product string names a kind, also by a plain word, the database is not read: products share numbers.
+    """
     if device.product:
         text = f"{device.product_text} {glossary.english(device.product_text)}"
         yield device.product.line, text, "the device's own words"
@@ -184,7 +187,7 @@ def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
         if interface.label:
             yield interface.line, interface.label, "the interface's own words"
     found = device.database
-    if found.product:
+    if found.product and not kind_of(device.product_text, _PLAIN):
         yield found.line, found.product, f"{found.source}: {found.vendor} {found.product}"
 
 

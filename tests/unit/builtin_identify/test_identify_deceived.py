@@ -27,6 +27,8 @@ IDS = """1d9c  Finch Instruments
 	0003  Warbler 100 Keyboard
 	0004  Plover Logic
 	0005  Warbler 7 Hub
+	000a  Warbler Ethernet Adapter
+	000b  Warbler Receipt Printer
 """
 
 
@@ -127,6 +129,19 @@ def test_a_registered_name_gives_way_to_strings(
     found = told(maker, product, *lines, pid=pid, databases=databases)
     assert "Warbler" not in found["identified_as"]
     assert found["confidence"] < 0.5
+
+
+@pytest.mark.parametrize(
+    ("product", "kind"),
+    [("T9 Thermal Camera", "camera"), ("V3 Video Capture", "capture"), ("P7 Touchscreen", "touchscreen")],
+)
+@pytest.mark.parametrize("pid", ["000a", "000b"])
+def test_a_registered_kind_gives_way_to_the_kind_in_the_string(
+    product: str, kind: str, pid: str, databases: IdDatabases
+) -> None:
+    found = told("Heron", product, *OWN, pid=pid, databases=databases)
+    assert (found["class"], found["category"]) == (kind, "sensor")
+    assert product.split()[0] in found["identified_as"]
 
 
 def test_a_number_alone_is_never_more_than_a_hint(databases: IdDatabases) -> None:
