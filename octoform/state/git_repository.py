@@ -334,7 +334,9 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     literal = own.given(GIT_LITERAL_PATHSPECS="0")
     patterns = [f":(top,literal){name}" for name in known]
     patterns.append(":(top,exclude,glob)**/__pycache__/**")
-    status, _, complaints = literal.run("add", "--all", "--sparse", "--", *patterns)
+    sparse = any(setting.key == "core.sparsecheckout" for setting in own.settings)
+    options = ["--sparse"] if sparse else []  # which git takes from 2.34 on
+    status, _, complaints = literal.run("add", "--all", *options, "--", *patterns)
     if status == 0:
         return known, []
     if _ignored(own, known):

@@ -411,6 +411,16 @@ def test_with_a_git_that_shows_no_scope_no_setting_is_taken_for_the_persons(
     assert facts is None and problem.code == "GIT-UNUSABLE" and "older than 2.26" in (problem.detail or "")
 
 
+def test_a_git_that_has_no_option_for_a_sparse_checkout_commits(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    repo.write("state/bench/state.json")
+    script = f'#!/bin/sh\ncase " $* " in *" --sparse "*) exit 129;; esac\nexec {shutil.which("git")} "$@"\n'
+    former = repo.write("bin/git", script)
+    former.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{former.parent}:{os.environ['PATH']}")
+    committed(repo)
+    assert repo.last_files() == ["state/bench/state.json"]
+
+
 def test_an_answer_about_the_repository_takes_two_calls(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
     """One for its settings, one for the answer, although the person's own settings name programs."""
     path = repo.write("octopus.yaml")
