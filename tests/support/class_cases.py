@@ -495,8 +495,21 @@ SERVE_RIGHT |= {
         "width and height, of a turned picture": picture(
             (SHAPE, "width, height = frame.transpose(1, 0, 2).shape[:2]"), (FACTS, '"width": width, "height": height')
         ),
+        "width and height, of a camera that lies on its side": picture(
+            (WIDE, WIDE.replace(" width", " height")),
+            (HIGH, HIGH.replace(" height", " width")),
+            (SHAPE, "turned = cv2.rotate(frame, cv2.ROTATE_90_CLOCKWISE)"),
+            ('".png", frame', '".png", turned'),
+            (FACTS, '"width": frame.shape[0], "height": frame.shape[1]'),
+        ),
         "the bounds": span("low / 1000", "high / 1000", BOUNDS),
         "the least and the most": span("min(values) / 1000", "max(values) / 1000", SERIES),
+        "the periods of two rates": span(
+            "1 / max_rate",
+            "1 / min_rate",
+            "folder = ({}).parent\nvalue = float((folder / 'temp1_input').read_text())\n"
+            "min_rate, max_rate = (float((folder / f'{{end}}_rate').read_text()) for end in ('min', 'max'))",
+        ),
         "the lowest of the highest": span("min(values) / 1000", "max(min(values), max(values)) / 1000", SERIES),
     }.items()
 }

@@ -371,6 +371,11 @@ SERVE_RIGHT |= {
         "an error of one that fails": heats(
             CHANNELS + TRIED.format(ROW, "raise ToolError(f'no reading of {file.name}') from None") + EMPTY
         ),
+        "an error where one is missing": heats(
+            CHANNELS
+            + TRIED.format(ROW, "continue")
+            + f"if len(rows) < len(files):\n    raise ToolError('a channel cannot be read')\n{EMPTY}"
+        ),
         "one that is tried again": read_by(
             f"for left in (2, 1, 0):\n    try:\n        value = float(({FILE}).read_text())\n        break\n"
             "    except OSError:\n        if not left:\n            raise\n        time.sleep(0.05)"

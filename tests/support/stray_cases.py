@@ -368,6 +368,11 @@ SERVE_RIGHT |= {
             adds("def even(value):\n    return value // 2 * 2"),
             body("capture_image", PICTURE.format("even(width), height")),
         ),
+        "a wait of a moment at the least": body("read_input_events", EVENTS.format("events", "max(seconds, 0.25)")),
+        "as many as a table has": all_of(
+            adds("KEYS = ('power', 'mute', 'lid')"),
+            body("read_input_events", EVENTS.format("min(events, len(KEYS))", "seconds")),
+        ),
         "the size that the camera has": body("capture_image", PICTURE.format("min(width, 8192), min(height, 8192)")),
     }.items()
 }

@@ -360,7 +360,9 @@ def _too_wide(value: Any, claim: Any, facts: DutyFacts) -> str | None:
     newest = facts.newest_value(place)
     if op not in (*_RISING, *_FALLING) or type(wanted) not in (int, float) or type(newest) not in (int, float):
         return None
-    if op in _RISING and newest > 0 and (wanted < 0 or (wanted == 0 and op == ">=")):
+    former = (row["value"] for row in facts.readings if place_of(row) == place)
+    is_amount = not any(type(each) in (int, float) and each < 0 for each in former)
+    if is_amount and op in _RISING and newest > 0 and (wanted < 0 or (wanted == 0 and op == ">=")):
         return f"it is {display(newest)}, and an amount of nothing would do"
     held = {place_of(item["signal"]) for _, item in _claims(value)}
     held |= {place_of(item["signal"]) for item in facts.claims if isinstance(item.get("signal"), Mapping)}

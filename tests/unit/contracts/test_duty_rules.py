@@ -250,6 +250,16 @@ def test_a_bound_is_compared_with_alike_units_that_are_in_order(change: Callable
     assert "WATCH-CLAIM-UNTESTABLE" not in codes("watch", value, document)
 
 
+@pytest.mark.parametrize("bound", [0, -5])
+def test_a_quantity_that_was_below_zero_is_no_amount(bound: int) -> None:
+    value, document = report("watch"), given("watch")
+    value["claims"][0] = {**CLAIM, "condition": {"op": ">=", "value": bound}}
+    document["readings"].append(reading("r10", "sensor", "read_joints", SHOULDER_HEAT, None))
+    assert codes("watch", value, document) == {"WATCH-CLAIM-UNTESTABLE"}
+    document["readings"].insert(0, reading("r0", "sensor", "read_joints", HEAT["path"], -18))
+    assert "WATCH-CLAIM-UNTESTABLE" not in codes("watch", value, document)
+
+
 def test_a_repair_claims_nothing_that_is_over() -> None:
     value, document = {**report("heal"), "claims": [copy.deepcopy(CLAIM)]}, given("heal")
     assert codes("heal", value, document) == set()

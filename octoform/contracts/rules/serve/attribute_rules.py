@@ -15,7 +15,7 @@ from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, records
 from octoform.contracts.rules.serve.reading_rules import flow_of_tools
-from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions
+from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions, turns_pictures
 from octoform.contracts.rules.serve.value_rules import stored_members
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Place, Spent, Unsure, World, is_unknown
 from octoform.contracts.server_code.origins import Origin
@@ -99,26 +99,27 @@ _OPPOSITES = tuple(
         ("first start begin", "last end"),
     )
 )
-_SIDES = ("width", "height")
 
 
 def members_exchanged(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """Two members that are each other's opposite have each its own value: the width is not the height."""
+    """Of two opposite members each has its own value: the width is not the height."""
     source = needed_source(value)
     returned = {name for _, tool in served_tools(source, artifacts) for name in _members(tool.get("output_schema"))}
     hint = "give each member the value of its own name"
+    opposites = _OPPOSITES[1:] if turns_pictures(source) else _OPPOSITES  # the first are the sides of a picture
     out = []
     for node, members in _records(source).items():
         known = [(name, each) for name, each in members.items() if name in returned]
         for name, other in itertools.permutations(known, 2):
-            for one, two in _OPPOSITES:
+            for one, two in opposites:
                 mine, its = {*tokens(name[0])} & one, {*tokens(other[0])} & two
                 alike = {*tokens(name[0])} - mine == {*tokens(other[0])} - its
                 if (
                     mine
                     and its
                     and alike
-                    and _shows(source, name[1], one, two) == 2 == 3 - _shows(source, other[1], one, two)
+                    and _shows(source, name[1], one, two) == 2
+                    and _shows(source, other[1], one, two) == 1
                 ):
                     summary = f"{display(name[0])} and {display(other[0])} have each other's value"
                     out.append(source.problem(OTHERWISE, node, summary, hint))
@@ -142,7 +143,7 @@ def _members(schema: Any) -> Iterator[str]:
 
 
 def _records(source: Source) -> dict[ast.AST, dict[str, ast.expr]]:
-    """The members of each record that the file makes or changes, those of an assignment to several too."""
+    """The members of each record that the file makes or changes, also by an assignment to several targets."""
     found: dict[ast.AST, dict[str, ast.expr]] = {
         node: dict(members) for node, members in stored_members(source).items()
     }
@@ -156,8 +157,10 @@ def _records(source: Source) -> dict[ast.AST, dict[str, ast.expr]]:
 
 
 def _shows(source: Source, node: ast.expr, one: frozenset[str], two: frozenset[str], depth: int = 4) -> int:
-    """1 or 2 for the one or the other of two opposites that a value is of by its names; 0 where it is not known."""
+    """Which of two opposites the names in a value speak of: 1 or 2; 0 where they speak of neither, or of both."""
     found: set[int] = set()
+    if any(map(_turns, walk(node))):
+        return 0
     for item in walk(node):
         if isinstance(item, ast.Name):
             found.add(_bound(source, item, one, two, depth) or _of_words(item.id, one, two))
@@ -170,6 +173,17 @@ def _shows(source: Source, node: ast.expr, one: frozenset[str], two: frozenset[s
             found.add(_of_words(text, one, two) if isinstance(text, str) else 0)
     found.discard(0)
     return found.pop() if len(found) == 1 else 0
+
+
+def _turns(node: ast.AST) -> bool:
+    """Whether a value falls as a part of it grows, as `1 / rate` and `-level` do: the least comes of the most then."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        part = node.operand
+    elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub | ast.Div | ast.FloorDiv):
+        part = node.right
+    else:
+        return False
+    return not isinstance(part, ast.JoinedStr) and any(isinstance(item, ast.Name) for item in walk(part))
 
 
 def _of_words(text: str, one: frozenset[str], two: frozenset[str]) -> int:

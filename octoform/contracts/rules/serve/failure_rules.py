@@ -64,7 +64,7 @@ def failed_unlisted(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         lists = [name for name in _arrays(tool.get("output_schema")) if _FAILED.search(name)]
         used = source.entered_from(tool_functions(source, site)) if lists and tool["effect"] == "read" else []
         parts = [item for each in used for item in walk(each)]
-        for skipped in itertools.islice(_skips(source, flow, parts), 1):
+        for skipped in itertools.islice(_skips(source, flow, parts), 0 if _compares_lengths(source, parts) else 1):
             for name in lists:
                 stored = [each for node in parts for key, each in stored_members(source).get(node, ()) if key == name]
                 empty = bool(stored) and all(_stays_empty(source, flow, each) for each in stored)
@@ -86,7 +86,7 @@ def _arrays(schema: Any) -> Iterator[str]:
 
 
 def _skips(source: Source, flow: Flow, parts: list[ast.AST]) -> Iterator[ast.AST]:
-    """Where one of several that fails is omitted: by a handler in a loop over them, or a test of what is None."""
+    """Where a loop skips an item that fails: in a handler, or by a test for None."""
     for item in parts:
         if isinstance(item, ast.Try) and _is_of_each(source, item):
             yield from (each for each in item.handlers if _goes_on(each, item))
@@ -100,8 +100,19 @@ def _skips(source: Source, flow: Flow, parts: list[ast.AST]) -> Iterator[ast.AST
             yield from (test for test in item.ifs if _tested(flow, test, ast.IsNot))
 
 
+def _compares_lengths(source: Source, parts: list[ast.AST]) -> bool:
+    """Whether an error follows from a comparison of two lengths: of what was read with what there is."""
+    for item in parts:
+        if isinstance(item, ast.If) and isinstance(item.test, ast.Compare):
+            sides = (item.test.left, *item.test.comparators)
+            lengths = [each for each in sides if isinstance(each, ast.Call) and source.dotted(each.func) == "len"]
+            if len(lengths) > 1 and any(isinstance(each, ast.Raise) for each in walk(item)):
+                return True
+    return False
+
+
 def _is_of_each(source: Source, node: ast.AST) -> bool:
-    """Whether a statement is about the one of a loop, which goes on to the next whatever comes."""
+    """Whether a statement is about the item of a loop that goes through all items."""
     loop = next((above for above, _ in source.above(node) if isinstance(above, ast.For | ast.While)), None)
     if not isinstance(loop, ast.For) or any(isinstance(item, ast.Break | ast.Return) for item in walk(loop)):
         return False
@@ -111,7 +122,7 @@ def _is_of_each(source: Source, node: ast.AST) -> bool:
 
 
 def _goes_on(handler: ast.ExceptHandler, node: ast.Try) -> bool:
-    """Whether a handler omits the whole of one, and notes it nowhere in a list."""
+    """Whether a handler skips the item, and adds it to no list."""
     parts = list(walk(handler))
     if any(isinstance(item, ast.Raise) or (isinstance(item, ast.Call) and _fills(item)) for item in parts):
         return False
@@ -125,7 +136,7 @@ def _fills(call: ast.Call) -> bool:
 
 
 def _makes(body: list[ast.stmt]) -> bool:
-    """Whether statements add one to what a tool returns."""
+    """Whether statements add an item to a collection."""
     parts = [item for each in body for item in walk(each)]
     calls = any(isinstance(item, ast.Call) and _fills(item) for item in parts)
     return calls or any(isinstance(item, ast.Yield | ast.AugAssign) for item in parts)

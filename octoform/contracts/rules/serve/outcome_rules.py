@@ -355,6 +355,8 @@ def _cut_where_used(
     calls: Calls, use: ast.Name, above: list[ast.AST], tried: list[float]
 ) -> tuple[ast.AST, tuple[float, float]] | None:
     for node in (each for each in above if not isinstance(each, ast.keyword)):
+        if any(isinstance(each, ast.Call) and calls.source.dotted(each.func) == "len" for each in walk(node)):
+            return None  # as many as there are
         numbers = [calls.number(node, use.id, each) for each in tried] if isinstance(node, ast.expr) else [None]
         if None in numbers:
             return None
@@ -380,7 +382,10 @@ def _cut_by_helper(
 
 
 def _example(pairs: list[tuple[float, float | None]]) -> tuple[float, float] | None:
-    """(argument, what is left of it) where an argument is used as it is up to a number, and beyond as that one."""
+    """(argument, what is left of it) where an argument is used as it is up to a number, and beyond as that one.
+
+    A bound that is within the tolerance of an end of the range does not count.
+    """
     known = [(given, used) for given, used in pairs if used is not None]
     beyond = [(given, used) for given, used in known if used != given]
     above = {used for given, used in beyond if used < given}
@@ -388,4 +393,6 @@ def _example(pairs: list[tuple[float, float | None]]) -> tuple[float, float] | N
     if len(known) < len(pairs) or not beyond or len(beyond) == len(known) or len(above) > 1 or len(below) > 1:
         return None
     sides = all((used in above and given > used) or (used in below and given < used) for given, used in beyond)
-    return max(beyond, key=lambda each: abs(each[0] - each[1])) if sides else None
+    farthest = max(beyond, key=lambda each: abs(each[0] - each[1]))
+    span = max(given for given, _ in pairs) - min(given for given, _ in pairs)
+    return farthest if sides and abs(farthest[0] - farthest[1]) > _TOLERANCE * span else None

@@ -158,6 +158,7 @@ CROSSED = "SERVE-ARGUMENTS-CROSSED"
 _SIZES = frozenset({"width", "height"})
 _PROPERTIES = {"3": "width", "4": "height", "CAP_PROP_FRAME_WIDTH": "width", "CAP_PROP_FRAME_HEIGHT": "height"}
 """Which side of a picture OpenCV sets by a property, by its name and its number (videoio.hpp)."""
+_QUARTERS = frozenset({"rotate", "rot90", "transpose", "swapaxes"})
 _MAX_HELPERS = 4
 
 
@@ -179,10 +180,16 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
                 names = f"{display(one)} and {display(two)}"
                 summary = f"the tool {display(site.name or '')} passes {names} in each other's place"
                 out.append(source.problem(CROSSED, call, summary, hint))
-        for node in _sides_exchanged(source, source.entered_from(roots)) if taken >= _SIZES else ():
+        sides = taken >= _SIZES and not turns_pictures(source)
+        for node in _sides_exchanged(source, source.entered_from(roots)) if sides else ():
             summary = f"the tool {display(site.name or '')} takes the width and the height in each other's place"
             out.append(source.problem(CROSSED, node, summary, hint))
     return out
+
+
+def turns_pictures(source: Source) -> bool:
+    """Whether the file turns a picture by a quarter: its width is the height of what the camera gives then."""
+    return any(name.rpartition(".")[2] in _QUARTERS for _, name in source.calls)
 
 
 def _sides_exchanged(source: Source, used: Collection[Function]) -> Iterator[ast.expr | ast.stmt]:
