@@ -6,7 +6,9 @@ import pytest
 from unit.contracts.contract_samples import SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import check
+from octoform.contracts.model import Artifacts
 from octoform.contracts.name_clues import is_chip_name, is_passthrough, same_action
+from octoform.contracts.rules.interface.parameter_rules import foreign
 from octoform.contracts.schema_equivalence import schema_equal
 
 PIPES = [
@@ -196,3 +198,18 @@ def test_one_word_that_was_made_for_a_product_names_no_parameter(product: str, p
 )
 def test_a_plain_word_of_a_product_may_name_a_parameter(product: str, parameter: str) -> None:
     assert "INTERFACE-NAME-PRODUCT" not in named(product, parameter)
+
+
+@pytest.mark.parametrize(
+    ("names", "foreign_to_it"),
+    [(["left", "right"], False), (["1", "2"], False), (["Front", "rear"], False), (["woofer", "tweeter"], True)],
+)
+def test_a_place_or_a_number_is_the_name_of_no_other_device(names: list[str], foreign_to_it: bool) -> None:
+    channels = {"channels": [{"name": name} for name in names]}
+    ability = {"name": "set_volume", "description": "Set the volume.", "parameters": channels}
+    of_ids = {"usb-sound": [ability], "usb-camera": []}
+    devices = [{"id": each, "identified_as": "a device", "capabilities": has} for each, has in of_ids.items()]
+    taken = {"type": "object", "properties": {"eye": {"type": "string", "enum": names}}}
+    tool = {"name": "capture_image", "description": "Take a picture.", "capability": "capture_image"}
+    tools = [{**tool, "devices": ["usb-camera"], "effect": "read", "input_schema": taken}]
+    assert bool(foreign({"tools": tools}, Artifacts(identify={"devices": devices}))) is foreign_to_it

@@ -143,12 +143,20 @@ def _choices(member: Mapping[str, Any]) -> Iterator[str]:
         yield from (item for item in every if isinstance(item, str))
 
 
+_SHARED = frozenset(
+    {"left", "right", "front", "rear", "back", "top", "bottom", "upper", "lower", "center", "centre"}
+    | {"main", "first", "second", "none", "all"}
+)
+"""Names that a part of any device may have."""
+
+
 def _units(device: JsonObject) -> Iterator[str]:
-    """The names of the lights, the channels and the other parts that IDENTIFY lists of a device."""
+    """The names of lights, channels and other parts that IDENTIFY lists of a device, without those of any device."""
     for ability in device["capabilities"]:
         for rows in (ability.get("parameters") or {}).values():
             records = (row for row in rows if isinstance(row, dict)) if isinstance(rows, list) else ()
-            yield from (str(row["name"]) for row in records if row.get("name"))
+            names = (str(row["name"]) for row in records if row.get("name"))
+            yield from (name for name in names if not name.isdecimal() and name.casefold() not in _SHARED)
 
 
 RULES = (Rule("INTERFACE-PARAMETER-FOREIGN", foreign),)
