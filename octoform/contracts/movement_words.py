@@ -241,3 +241,115 @@ def _forms() -> dict[str, tuple[str, str]]:
             found |= {f"{each}ed": (kind, "ed") for each in (stem, twice)}
     more = {"driven": "ed", "held": "ed", "sent": "ed", "written": "ed", "brought": "ed", "taught": "ed", "spun": "ed"}
     return {**found, **{word: ("unsure", form) for word, form in more.items()}}
+
+
+# What a person's answer gives of a device on a raw line: its bounds, and how it stops.
+
+_FIGURE = r"(?<![\w.,-])[-+\u2212\u00b1]?\d+(?:[.,]\d+)?(?![\w-])"
+_WITH_UNIT = r"(?<![\w.,-])([-+\u2212\u00b1]?\d+(?:[.,]\d+)?)"
+_UNIT = r"(?:\s?(?:\u00b0|%|[a-z\u00b5]{1,12}))?"
+_TO = r"\s*(?:\.\.+|\u2026|-|\u2013|\u2014|~|to|up to|bis|\u00e0|a|hasta|fino a|tot|til|till|do|\u0434\u043e)\s*"
+_RANGE = re.compile(rf"(?i){_WITH_UNIT}{_UNIT}{_TO}([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])")
+_BETWEEN = re.compile(
+    rf"(?i)\b(?:between|zwischen|entre|tra)\s+{_WITH_UNIT}{_UNIT}\s*(?:and|und|et|y|e)\s*([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])"
+)
+_ENDS = re.compile(
+    rf"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{{1,3}}{_WITH_UNIT}[^.;\n\d]{{0,24}}?"
+    r"\b(?:at most|max(?:imum|imal)?|no more than|h\u00f6chstens)\W{1,3}([-+\u2212]?\d+(?:[.,]\d+)?)"
+)
+_LEAST = re.compile(r"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{1,3}$")
+_MOST = re.compile(
+    rf"(?i)\b(?:at most|no (?:more|further|faster|higher) than|not (?:more than|above|over|beyond)"
+    r"|never (?:above|over|beyond)|up to|below"
+    rf"|max(?:imum|imal)?|limit(?:s|ed)?|at least|min(?:imum|imal)?|h\u00f6chstens|mindestens)\b"
+    rf"[^\d.;\n]{{0,20}}{_WITH_UNIT}"
+)
+_MEASURED = re.compile(
+    rf"(?i){_WITH_UNIT}\s?(?:\u00b0|%|(?:degrees?|deg|grad|percent|prozent|rad|mm|cm|m|\u00b5m|rpm|ms|s|secs?|seconds?"
+    r"|minutes?|steps?|ticks?|counts?|turns?|channels?|relays?|outputs?|switch(?:es)?|valves?|lamps?|kan\u00e4le|n|nm|g|kg"
+    r"|ml|l|bar|kpa|ma)\b)"
+)
+_ON_OFF = re.compile(
+    r"(?i)\b(?:on\s*(?:/|and|or|&)\s*off|off\s*(?:/|and|or|&)\s*on|(?:ein|an)\s*(?:/|und|oder)\s*aus)\b"
+)
+_NOT_BOUNDS = re.compile(
+    r"(?i)\busb-[0-9a-f]{4}-[0-9a-f]{4}(?:-\d+)?\b|\b[0-9a-f]{4}:[0-9a-f]{4}\b|\b\d{4}-\d\d-\d\d\b"
+    r"|\d[\d .,]*\s?(?:k?baud|bd|bps|k?bit/s)\b|\b(?:baud(?: ?rate)?|speed of the line|firmware|version|revision"
+    r"|rev|usb|mark|mk|port|model|release)\W{0,2}v?\d+(?:\.\d+)*|\b\d\s?(?:data|stop|start) ?bits?\b|\b[5-8][NEO][12]\b"
+)
+"""Numbers of an answer that bound nothing: of the line, a version, a date, a vendor and product id."""
+_COUNTS = {"two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8"}
+_COUNTS |= {"ten": "10", "twelve": "12", "sixteen": "16"}
+_COUNTED = re.compile(rf"(?i)\b({'|'.join(_COUNTS)})(?=[ -](?:channels?|relays?|outputs?|switches|valves?|lamps?)\b)")
+_BOTH_WAYS = re.compile(
+    r"(?i)\u00b1|\+/-|plus or minus|either (?:way|side|direction)|each (?:way|side)|both (?:ways|sides|directions)"
+)
+_STOPPING = re.compile(
+    r"(?i)\b(?:stop(?:s|ped|ping)?(?!\W{0,2}bits?\b)|stopp(?:t|en)|halt(?:s|ed|en)?|releas(?:e|es|ed|ing)(?!\W+v?\d)"
+    r"|emergency|e-?stop|not-?aus|not-?halt|anhalten|(?:ab|aus)(?:ge)?schalte[nt]|abort(?:s|ed)?|brakes?|unplug(?:s|ged)?"
+    r"|power(?:s|ed)? down|shut(?:s)? down|torque 0|off(?!\W(?:the\W)?shelf)|arr\u00eat\w*|parar|parada|detener"
+    r"|fermare|arresto)\b"
+    r"|\bein\s*(?:/|und|oder)\s*aus\b|\ban\s*(?:/|und|oder)\s*aus\b|\u505c|\u0441\u0442\u043e\u043f"
+)
+_NO_STOP = re.compile(
+    r"(?i)\b(?:no|not|non|never|without|cannot|can't|doesn't|don't|won't|unknown|unclear|kein\w*|nicht|ohne)$"
+)
+
+
+def lacking(answer: str, translated: bool = False) -> list[str]:
+    """What an answer lacks to be the source of what acts: ``limits``, ``how it stops``, in this order.
+
+    ``translated`` is whether evidence quotes its words for stopping and names their language: its limits may then be
+    in words that no list here has, and a number is enough.
+    """
+    text = _bounding(answer)
+    limits = any(each.search(text) for each in (_RANGE, _BETWEEN, _ENDS, _MOST, _MEASURED, _ON_OFF))
+    limits = limits or (translated and re.search(_FIGURE, text) is not None)
+    return [
+        *([] if limits else ["limits"]),
+        *([] if translated or says_stop(answer) else ["how it stops"]),
+    ]
+
+
+def says_stop(text: str) -> bool:
+    """Whether a string states how something stops, and does not deny it: "there is no stop", "it does not stop"."""
+    for found in _STOPPING.finditer(text):
+        before = re.split(r"[.;,:!?\n()]|\bbut\b", text[: found.start()])[-1]
+        near = re.findall(r"[\w']+", before)[-4:]
+        if not any(_NO_STOP.search(word) for word in near):
+            return True
+    return False
+
+
+def within_answer(number: float, answer: str) -> bool:
+    """Whether a bound of an argument is a number of an answer, or lies inside of what the answer allows."""
+    return any(low <= number <= high for low, high in _spans(_bounding(answer)))
+
+
+def _bounding(answer: str) -> str:
+    counted = _COUNTED.sub(lambda found: _COUNTS[found[1].casefold()], answer)
+    return _NOT_BOUNDS.sub(" ", counted)
+
+
+def _spans(text: str) -> Iterator[tuple[float, float]]:
+    """The ranges of an answer; a number alone allows what is between nothing and itself, a least number itself."""
+    rest = text
+    for pattern in (_BETWEEN, _RANGE, _ENDS):
+        for found in pattern.finditer(rest):
+            low, high = sorted(_number(each) for each in found.groups())
+            yield (low, high)
+        rest = pattern.sub(" ", rest)
+    for found in re.finditer(_WITH_UNIT, rest):
+        number = _number(found[1])
+        if _LEAST.search(rest[: found.start()]):
+            yield (number, number)
+        elif "\u00b1" in found[1] or _BOTH_WAYS.search(rest):
+            yield (-abs(number), abs(number))
+        else:
+            yield (min(0.0, number), max(0.0, number))
+    if _ON_OFF.search(text):
+        yield (0.0, 1.0)
+
+
+def _number(text: str) -> float:
+    return float(text.replace("\u2212", "-").replace("\u00b1", "").replace(",", "."))

@@ -287,3 +287,12 @@ def test_an_answer_waits_for_the_end_of_an_apply_which_would_undo_it(bench: Proj
     assert manifest(bench) == before
     assert [path.name for path in (bench.folder / "profiles").iterdir()] == ["pump.md"]
     bench.run("answer", OTHER, SENTENCE, status=0)
+
+
+def test_what_acts_needs_a_profile_where_the_answer_gives_no_limits(bench: Project) -> None:
+    (bench.folder / "octopus.yaml").write_text(MANIFEST.replace("profiles: [profiles/pump.md]", "profiles: []"))
+    apply(bench)
+    for sentence, needs in (("a robot arm with servos", True), ("a robot arm, 0 to 4095, STOP stops it", False)):
+        bench.run("answer", BOARD, sentence, status=0)
+        apply(bench)
+        assert (f"profile new {BOARD} drafts" in bench.run("devices", "-v", status=0).out) == needs

@@ -15,7 +15,9 @@ from typing import Any
 from sysfs_tree import Tree
 
 CAMERA, BOARD, TWIN, SENSOR = "usb-1f00-00c1", "usb-1f00-00b1", "usb-1f00-00b1-2", "usb-1f00-00a1"
-ANSWERS = f"{{{BOARD}: a bench board that moves its lever, {TWIN}: a bench board that moves its lever}}"
+ANSWERS = (
+    f"{{{BOARD}: a bench board that moves its lever on and off, {TWIN}: a bench board that moves its lever on and off}}"
+)
 """The owner's answer about the boards: nothing else shows that they may be moved over a serial line."""
 PCI = "pci0000:00/0000:00:14.0/usb1"
 SERVER = f'''"""Endpoint of a bench with a camera, two boards and a sensor."""

@@ -13,7 +13,16 @@ from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import RAW
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
-from octoform.contracts.movement_words import carries, is_quantity, is_time, name_moves, speaks_of_change, spoken
+from octoform.contracts.movement_words import (
+    carries,
+    is_quantity,
+    is_time,
+    lacking,
+    name_moves,
+    says_stop,
+    speaks_of_change,
+    spoken,
+)
 from octoform.contracts.name_clues import changes, is_class_word, is_filler, is_passthrough, offers_a_pipe
 from octoform.contracts.name_words import names_language, parts, word_set, words
 from octoform.diagnostics import Diagnostic, error
@@ -38,7 +47,7 @@ _ASKED_AT = re.compile(r"(?i)\b(?:registers?|address(?:es)?|opcodes?)\s+(?:0x)?[
 
 
 def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A capability that acts through a raw line is one of a profile that holds, or the owner spoke of the device."""
+    """A capability that acts through a raw line is one of a profile that holds, or the owner's answer gives limits."""
     probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())}
     return [
         error(
@@ -51,6 +60,23 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
         for index, device in enumerate(value["devices"])
         if not known_by_a_person(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
         for at, capability in enumerate(device["capabilities"])
+        if capability["effect"] != "read"
+    ] + _answer_thin(value, artifacts)
+
+
+def _answer_thin(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """An answer that names a device and gives neither limits nor how it stops is no source of what acts there."""
+    thin = lines_thinly_answered(value, artifacts)
+    return [
+        error(
+            CODE,
+            f"{display(capability['name'])} acts on {display(device['id'])} through a raw line, "
+            f"and the owner's answer lacks {' and '.join(thin[device['id']])}",
+            pointer=pointer("devices", index, "capabilities", at),
+            hint=f"leave it out; {thin_cure(device['id'])}",
+        )
+        for index, device in enumerate(value["devices"])
+        for at, capability in enumerate(device["capabilities"] if device["id"] in thin else ())
         if capability["effect"] != "read"
     ]
 
@@ -155,7 +181,8 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         return []
     commanded = {device: name for device, name, _ in described(artifacts.identify, artifacts)}
     held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds} | commanded
-    open_lines = lines_without_knowledge(artifacts) - held.keys()
+    open_lines = lines_without_knowledge(artifacts).union(lines_thinly_answered(artifacts.identify, artifacts))
+    open_lines -= held.keys()
     out = []
     for index, item in enumerate(value["left_out"]):
         name = item["id"]
@@ -201,6 +228,38 @@ def unknown_lines(artifacts: Artifacts) -> frozenset[str]:
     )
 
 
+def lines_answered(identify: JsonObject | None, artifacts: Artifacts) -> dict[str, str]:
+    """The devices that only a raw line leads to and that an answer describes and no profile, each with its answer."""
+    held = set().union(*(facts.holds for facts in artifacts.profiles.values()))
+    claimed = (
+        each for each in (identify or {}).get("devices", ()) if "profile" in each or each.get("method") == "profile"
+    )
+    known = held.union(each["id"] for each in claimed)
+    return {
+        device["id"]: artifacts.answers[device["id"]]
+        for device in (artifacts.probe or {}).get("devices", ())
+        if device["id"] in artifacts.answers and device["id"] not in known and is_raw_line(device)
+    }
+
+
+def lines_thinly_answered(identify: JsonObject | None, artifacts: Artifacts) -> dict[str, list[str]]:
+    """Those of them whose answer is no source of what acts, each with what the answer lacks.
+
+    Words for stopping in a language that octoform does not know count where evidence quotes them from the answer and
+    ``says`` names their language and that they mean to stop.
+    """
+    translated = {
+        device["id"]
+        for device in (identify or {}).get("devices", ())
+        for each in device.get("evidence", ())
+        if each["quote"] in artifacts.answers.get(device["id"], "")
+        and names_language(each.get("says", ""))
+        and says_stop(each.get("says", ""))
+    }
+    found = lines_answered(identify, artifacts).items()
+    return {device: lacks for device, text in found if (lacks := lacking(text, device in translated))}
+
+
 def lines_beside(artifacts: Artifacts) -> frozenset[str]:
     """The devices without such knowledge that have a raw line beside a class of the kernel with a meaning."""
     known = set(artifacts.answers).union(*(facts.holds for facts in artifacts.profiles.values()))
@@ -229,6 +288,16 @@ def cure(device: str, artifacts: Artifacts) -> str:
         )
     drafts = f"`octoform profile new {device}` drafts a profile"
     return f"for its owner alone: {drafts}, `octoform answer {device}` records what it is"
+
+
+def thin_cure(device: str) -> str:
+    """The two ways to supply what an answer lacks, and what counts."""
+    return (
+        f'for its owner alone: `octoform answer {device} "..."` with limits (a range such as 0 to 4095, at most 30 '
+        'degrees, a number of channels, "on and off") and how it stops (stop, release, power off; words of another '
+        "language are quoted as evidence, and `says` names the language and that they mean stop), or "
+        f"`octoform profile new {device}` drafts a profile"
+    )
 
 
 def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:

@@ -14,7 +14,8 @@ from typing import Any
 
 from octoform.base import files
 from octoform.contracts.artifact_parser import parse
-from octoform.contracts.rules.raw_line_rules import is_raw_line
+from octoform.contracts.model import Artifacts
+from octoform.contracts.rules.raw_line_rules import is_raw_line, lines_thinly_answered
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
@@ -26,6 +27,7 @@ from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0
+_ACTS = frozenset({"actuator", "bidirectional"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,7 +62,7 @@ class Row:
     evidence: tuple[str, ...]
     missing: str
     needs_profile: bool = False
-    """Only a raw line leads to it, no profile holds for it and no answer states what it is."""
+    """Only a raw line leads to it, no profile holds for it, and no answer names it, or bounds what acts."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +101,8 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
         path = display(layout.output(absent))
         return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
     ledger, result = read_instances(layout)
-    listed = replace(_listed(layout, artifacts, ledger, environ), offers=device_knowledge.offered(artifacts, compiled))
+    listed = _listed(layout, artifacts, ledger, environ, compiled.manifest.answers)
+    listed = replace(listed, offers=device_knowledge.offered(artifacts, compiled))
     return listed, [*found, *result, *device_knowledge.offers(artifacts, compiled)]
 
 
@@ -108,6 +111,7 @@ def _listed(
     artifacts: Mapping[str, Mapping[str, Any]],
     ledger: Mapping[str, object] | None,
     environ: Mapping[str, str],
+    answers: Mapping[str, str],
 ) -> Listing:
     annotated = artifacts["identify"]["devices"]
     known = {name: item for name, item in (ledger or {}).items() if isinstance(item, dict)}
@@ -119,6 +123,8 @@ def _listed(
     # Only Linux shows in files where a device is now.
     followed = annotated if str(artifacts["probe"]["platform"]["os"]).casefold() == "linux" else ()
     lines = {device["id"] for device in artifacts["probe"]["devices"] if is_raw_line(device)}
+    given = Artifacts(probe=dict(artifacts["probe"]), answers=answers)
+    thin = lines_thinly_answered(dict(artifacts["identify"]), given)
     now = attached(layout, environ, {device["id"]: classes_of(known.get(device["id"])) for device in followed})
     rows = tuple(
         Row(
@@ -131,7 +137,9 @@ def _listed(
             pseudonym=str(committed.get(device["id"], {}).get("serial") or ""),
             evidence=tuple(item["quote"] for item in device["evidence"]),
             missing=str(device.get("missing") or ""),
-            needs_profile=device["id"] in lines and "profile" not in device and device["method"] != "user_answer",
+            needs_profile=device["id"] in lines
+            and "profile" not in device
+            and (device["method"] != "user_answer" or (device["category"] in _ACTS and device["id"] in thin)),
         )
         for device in annotated
     )

@@ -7,7 +7,7 @@ import pytest
 
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
-from octoform.builtin.interface import why_left_out
+from octoform.builtin.interface import declare, why_left_out
 from octoform.builtin.other_sources import short
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts
@@ -63,6 +63,16 @@ def test_an_unknown_device_is_named_and_can_do_no_more_than_before() -> None:
     reason, detail = why_left_out(after)
     assert reason == "no_standard_interface"
     assert f"octoform profile new {BOARD}" in detail
+
+
+@pytest.mark.parametrize("more", ["", ", 0 to 100", ", STOP stops it", ", 0 to 100; STOP stops it"])
+def test_what_acts_over_a_line_needs_a_profile_whatever_the_answer_gives(more: str) -> None:
+    sentence = f"the Heron robot arm{more}"
+    device = told({BOARD: sentence})[BOARD]
+    assert device["capabilities"] == [] and f"octoform profile new {BOARD}" in why_left_out(device)[1]
+    found = identify(PROBE, IdDatabases(Path("/nowhere")), (), {BOARD: sentence})
+    given = Artifacts(probe=PROBE, identify=found, answers={BOARD: sentence})
+    assert check("interface", declare(found, 30), given, SCHEMAS) == []
 
 
 @pytest.mark.parametrize(

@@ -487,6 +487,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         "IDENTIFY-PROFILE-NOT-CHOSEN",
         "IDENTIFY-READ-MOVES",
         "IDENTIFY-READ-UNFOUNDED",
+        "INTERFACE-RANGE-UNFOUNDED",
         "INTERFACE-READ-LIMITED",
         "INTERFACE-READ-MOVES",
         "INTERFACE-REASON-FALSE",

@@ -18,7 +18,8 @@ from octoform.contracts.rules.raw_line_rules import lines_beside, unknown_lines
 from octoform.contracts.rules.serve.line_rules import listening, on_a_line
 
 LINE = "usb-1234-0003"
-ANSWER = {LINE: "an Acme Arm"}
+ANSWER = {LINE: "an Acme Arm, 0 to 4095, STOP stops it"}
+THIN = {LINE: "an Acme Arm"}
 
 _MOVING_NAMES = """
 follow_joint_target teach_pose open_gripper close_gripper grip_object park_arm position_joint
@@ -192,9 +193,11 @@ def test_a_reading_has_no_limit_on_what_a_device_is_given() -> None:
 def test_a_graver_effect_is_one_that_somebody_knows_and_else_left_out() -> None:
     graver = {"effect": "actuate", "annotations": {**READ, "readOnlyHint": False}, "smoke": None}
     assert declared({}, **graver, answers=ANSWER) == []
-    [found] = problems("interface", interface({}, **graver), known(artifacts))
-    assert found.code == "INTERFACE-EFFECT-DIFFERS" and "unsafe" in str(found.hint)
-    assert str(found.hint).startswith("write read, as IDENTIFY has read_angle")
+    for answers in ({}, THIN):
+        [found] = problems("interface", interface({}, **graver), known(artifacts, answers=answers))
+        assert found.code == "INTERFACE-EFFECT-DIFFERS" and "unsafe" in str(found.hint)
+        assert str(found.hint).startswith("write read, as IDENTIFY has read_angle")
+        assert ("limits (a range" in str(found.hint)) == bool(answers)
 
 
 def test_a_capability_is_left_out_as_unsafe_alone_or_with_its_device() -> None:
@@ -223,6 +226,7 @@ UNSAFE: dict[str, tuple[dict[str, Any], str | None]] = {
     "such a line beside a class": ({"classes": ["tty", "video4linux"]}, None),
     "a class of the kernel": ({"classes": ["video4linux"], "raw_descriptor": "product: Acme Arm"}, "effect"),
     "an answer": ({"answers": ANSWER}, "an Acme Arm"),
+    "an answer without limits": ({"answers": THIN}, None),
     "a profile": ({"profiles": {"arm": ProfileFacts("arm", frozenset({LINE}))}}, "denied in the `policy`"),
     "a grammar": ({"profiles": {"arm": ProfileFacts("arm", frozenset({LINE}), (), (_ARM,))}}, "each command"),
 }

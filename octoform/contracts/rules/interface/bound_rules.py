@@ -93,7 +93,7 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """Each number that a tool of effect takes has a minimum and a maximum."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        for name, where, member in _parameters(index, tool) if tool["effect"] != "read" else ():
+        for name, where, member in parameters_of(index, tool) if tool["effect"] != "read" else ():
             lacks = [first for first, other in _SIDES if not any(_bounds(member.get(side)) for side in (first, other))]
             if _is_number(member) and lacks:
                 summary = (
@@ -109,7 +109,7 @@ def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     out = []
     hint = "write the lower bound as minimum, the upper one as maximum, and a default between them"
     for index, tool in enumerate(value["tools"]):
-        for name, where, member in _parameters(index, tool):
+        for name, where, member in parameters_of(index, tool):
             low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
             unit = unit_of_name(name) or unit_in(member.get("description"))
             beyond = [
@@ -156,7 +156,7 @@ def _name_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         known = _parts_of(tool, artifacts)
         text = "\n".join((*known, *_strings_of(tool, artifacts))).casefold()
-        for name, where, member in _parameters(index, tool) if known else ():
+        for name, where, member in parameters_of(index, tool) if known else ():
             given = {str(item) for item in (*_list(member.get("enum")), member.get("const")) if isinstance(item, str)}
             strange = sorted(item for item in given - known - _ANY_OF if item.casefold() not in text)
             if name == "device" or not strange:
@@ -179,7 +179,7 @@ def _number_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     """A number that chooses among the channels or the lights of a device reaches no further than there are."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        for name, where, member in _parameters(index, tool):
+        for name, where, member in parameters_of(index, tool):
             given = [item for item in _list(member.get("enum")) if type(item) is int]
             most = max(given) if given else member.get("maximum")
             rows = _numbered(name, tool, artifacts) if "integer" in _types(member) or given else []
@@ -211,7 +211,7 @@ def endless(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """Each list and each text that a tool of effect takes has an end."""
     out = []
     for index, tool in enumerate(value["tools"]):
-        for name, where, member in _parameters(index, tool) if tool["effect"] != "read" else ():
+        for name, where, member in parameters_of(index, tool) if tool["effect"] != "read" else ():
             kinds, free = _types(member), not {"enum", "const", "pattern", "format"} & member.keys()
             lacks = ["maxItems"] if "array" in kinds and "maxItems" not in member else []
             lacks += ["maxLength"] if "string" in kinds and free and "maxLength" not in member else []
@@ -229,7 +229,7 @@ def limit_in_another_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         units = {
             name: unit_of_name(name) or unit_in(member.get("description"))
-            for name, _, member in _parameters(index, tool)
+            for name, _, member in parameters_of(index, tool)
         }
         for at, limit in enumerate(tool.get("limits", ())):
             given, own = unit_of_text(limit.get("unit")), units.get(limit["parameter"])
@@ -244,8 +244,8 @@ def limit_in_another_unit(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 def _series(index: int, tool: JsonObject) -> tuple[str, float, str] | None:
     """(parameter, seconds, pointer) of a count of readings, or of waits, and the pause between them, at its longest."""
     counts, pauses = [], []
-    again = any(set(tokens(name)) & _AGAIN for name, _, _ in _parameters(index, tool))
-    for name, where, member in _parameters(index, tool):
+    again = any(set(tokens(name)) & _AGAIN for name, _, _ in parameters_of(index, tool))
+    for name, where, member in parameters_of(index, tool):
         spoken, most = set(tokens(name)), member.get("maximum", member.get("exclusiveMaximum", math.inf))
         if not _is_number(member) or not _is_plain(most):
             continue
@@ -296,7 +296,7 @@ def sample_too_long(value: JsonObject) -> list[Diagnostic]:
 def _waits(value: JsonObject) -> Iterator[tuple[JsonObject, str, str, Mapping[str, Any], float]]:
     """(tool, parameter, pointer, schema, seconds of its unit) of each number that states how long a call lasts."""
     for index, tool in enumerate(value["tools"]):
-        for name, where, member in _parameters(index, tool):
+        for name, where, member in parameters_of(index, tool):
             spoken = set(tokens(name))
             reads = tool["effect"] == "read"
             waits = spoken & _WAITS or (reads and spoken & _RECORDS and _is_time(spoken, member))
@@ -328,7 +328,7 @@ def passthrough(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         raw = takes_a_program(tool) or raw_parameter(tool["input_schema"]) or _place(tool) or _anything(tool)
         lines = [
-            name for name, _, member in _parameters(index, tool) if offers_a_pipe(str(member.get("description", "")))
+            name for name, _, member in parameters_of(index, tool) if offers_a_pipe(str(member.get("description", "")))
         ]
         if is_passthrough(tool["name"]):
             summary, where = f"the tool {display(tool['name'])} is a raw pipe", pointer("tools", index, "name")
@@ -369,7 +369,7 @@ def _takes_all(pattern: object) -> bool:
 
 def _anything(tool: JsonObject) -> str | None:
     """A parameter that is a register's number, bytes, or an object of whatever members; None where there is none."""
-    for name, _, member in _parameters(0, tool):
+    for name, _, member in parameters_of(0, tool):
         spoken, kinds = set(tokens(name)), _types(member)
         chosen = {"enum", "const"} & member.keys()
         if kinds & {"integer", "number"} and spoken & _NUMBERED and not chosen:
@@ -383,7 +383,7 @@ def _anything(tool: JsonObject) -> str | None:
 
 def _place(tool: JsonObject) -> str | None:
     """A parameter that takes a path, an address or a device node, or None: the server knows its own places."""
-    for name, _, member in _parameters(0, tool):
+    for name, _, member in parameters_of(0, tool):
         spoken = set(tokens(name))
         places = _PLACE_SAID.search(str(member.get("description", "")))
         if places or spoken & _PLACES or any(words <= spoken for words in _PLACES_TOGETHER):
@@ -396,7 +396,7 @@ def _place(tool: JsonObject) -> str | None:
     return None
 
 
-def _parameters(index: int, tool: JsonObject) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
+def parameters_of(index: int, tool: JsonObject) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     """(name, pointer, schema) of each parameter, of the items of an array, of each form that it may have."""
     properties = tool["input_schema"].get("properties")
     for name, member in properties.items() if isinstance(properties, dict) else ():

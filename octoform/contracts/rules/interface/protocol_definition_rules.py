@@ -1,7 +1,8 @@
-"""The rule for a device whose owner described its whole protocol definition: one tool for each command, and no other.
+"""Rules for a device whose owner described how it is driven: it has the tools and the bounds of the description.
 
-A description is closed. A tool beside it would send something that no one described, and one with other parameters
-would let a caller say what the description does not allow; both come from an agent that guesses.
+A protocol definition is closed. A tool beside it would send something that no one described, and one with other
+parameters would let a caller say what the description does not allow; both come from an agent that guesses. An answer
+is one sentence; the bounds of what acts by it are its numbers, since a range from memory may be another product's.
 """
 
 from collections.abc import Mapping
@@ -10,10 +11,15 @@ from typing import Any
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
+from octoform.contracts.movement_words import spoken, within_answer
+from octoform.contracts.rules.interface.bound_rules import parameters_of
 from octoform.contracts.rules.interface.interface_rules import SPARED
+from octoform.contracts.rules.raw_line_rules import lines_answered, lines_thinly_answered
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
-CODE = "INTERFACE-GRAMMAR-DIFFERS"
+CODE, UNFOUNDED = "INTERFACE-GRAMMAR-DIFFERS", "INTERFACE-RANGE-UNFOUNDED"
+_WAITS = frozenset({"timeout", "wait"})
+"""Words of a parameter that bounds the call and not the device."""
 
 
 def definition_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -37,7 +43,36 @@ def definition_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     return out
 
 
-RULES = (Rule(CODE, definition_differs),)
+def range_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """The bounds of what acts through a raw line by an answer are numbers of the answer, or narrower."""
+    answered = lines_answered(artifacts.identify, artifacts)
+    thin = lines_thinly_answered(artifacts.identify, artifacts)
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        sources = {device: answered[device] for device in tool["devices"] if device in answered and device not in thin}
+        for name, where, member in parameters_of(index, tool) if tool["effect"] != "read" else ():
+            waits = _WAITS.intersection(spoken(name))
+            for device, answer in sources.items() if not waits else ():
+                strange = [number for number in _numbers(member) if not within_answer(number, answer)]
+                if strange:
+                    summary = f"{display(name)} of {display(tool['name'])} reaches {strange[0]:g}, which the owner's "
+                    summary += f"answer about {display(device)} does not allow: {display(answer)}"
+                    hint = "write the numbers of the answer, in its units, or narrower ones; for its owner alone: "
+                    hint += f'`octoform answer {device} "..."` records another range, `octoform profile new {device}` '
+                    out.append(error(UNFOUNDED, summary, pointer=where, hint=f"{hint}drafts a profile"))
+                    break
+    return out
+
+
+def _numbers(member: Mapping[str, Any]) -> list[float]:
+    """The numbers by which a parameter is bounded: its ends, or each that it may be."""
+    ends = [member.get(side) for side in ("minimum", "maximum", "exclusiveMinimum", "exclusiveMaximum", "const")]
+    words = member.get("enum")
+    given = [*ends, *(words if isinstance(words, list) else ())]
+    return [float(each) for each in given if isinstance(each, int | float) and not isinstance(each, bool)]
+
+
+RULES = (Rule(CODE, definition_differs), Rule(UNFOUNDED, range_unfounded))
 
 
 def _problem(name: str, tool: JsonObject, commands: Mapping[str, Mapping[str, Any]]) -> tuple[str, str] | None:
