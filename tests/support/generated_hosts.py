@@ -1,9 +1,13 @@
 """Hosts without a recording, made by construction: each device with what is true of it.
 
 A host is a tree in the form of sysfs. Each device has a kind (what the kernel's interface of its class offers), strings
-that name its product, name nothing, mislead or are in another script, and numbers that a registry knows or does not.
-Serial numbers are missing, good, or those that makers leave in by default. A seed makes the same host again; another
-order plugs the same devices into other places.
+that name its product, name nothing, mislead or are in another script. Some hosts have id databases, where the number of
+a device is registered to it, to another kind, to the chip or to several products, or is absent. Serial numbers are
+missing, good, or those that makers leave in by default. A seed makes the same host again; another order plugs the same
+devices into other places.
+
+A registered name is evidence behind class, driver and the device's own words. Of a device whose strings name product or
+kind it changes neither name nor category; of any other USB device it is a hint and never a certain name.
 """
 
 import random
@@ -27,6 +31,7 @@ from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
 
 BUDGET = 100
+CERTAIN = 0.5
 TWINS = 0.1
 SCHEMAS = Path(__file__).parents[2] / "protocol" / "schemas"
 
@@ -38,6 +43,15 @@ MISLEADING = (
     *("USB Serial", "USB UART Bridge", "Generic USB Device", "USB2.0-Serial", "Android Bootloader"),
     *("USB to Serial", "I2CFT232R", "USB2.0 MISC", "VendorCo ProductCode"),
 )
+DATABASES = 0.6
+REGISTERED = ("absent", "true", "true", "other kind", "chip", "several")
+REGISTERED_MODELS = ("Zephyr61", "QK-90", "Marl530", "Bolt7700")
+REGISTERED_CHIPS = ("USB Serial Port", "KX2102 UART Bridge", "USB to Serial Converter", "KX9340 Serial (UART) IC")
+REGISTERED_KINDS = (
+    *(("Label Printer", "actuator"), ("Relay Board", "actuator"), ("Ethernet Adapter", "infrastructure")),
+    *(("Barcode Scanner", "sensor"), ("Webcam", "sensor"), ("Flash Drive", "infrastructure")),
+)
+"""What a misleading number is registered as, with the category of that."""
 
 
 @dataclass(frozen=True)
@@ -46,6 +60,7 @@ class Made:
 
     ``tools`` are tools of which it has one at least; empty where no interface of its class offers any.
     ``categories`` are those that are right. ``product`` is the model that its strings name, "" where they name none.
+    ``registered`` is what the id database has of its number, "" on a host without one, ``hints`` the models in that.
     """
 
     kind: str
@@ -55,6 +70,25 @@ class Made:
     categories: frozenset[str]
     tools: frozenset[str]
     product: str = ""
+    registered: str = ""
+    hints: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What an id database has of a number: ``form`` is how it relates to the device, ``name`` its text.
+
+    ``models`` are the models in the text, ``categories`` those of the kind that it names.
+    """
+
+    form: str = ""
+    name: str = ""
+    models: tuple[str, ...] = ()
+    categories: tuple[str, ...] = ()
+
+
+Registry = dict[tuple[str, str, str], str]
+"""The registered names by bus, vendor and product."""
 
 
 def generate(root: Path, seed: int, count: int, order: int = 0) -> list[Made]:
@@ -73,10 +107,14 @@ def generate(root: Path, seed: int, count: int, order: int = 0) -> list[Made]:
     tree.bus(CONTROLLER, "usb", {"idVendor": "1d6b", "idProduct": "0003", "bDeviceClass": "09"})
     slots = list(range(1, count + 1))
     random.Random(order).shuffle(slots) if order else None
-    return [
-        _make(tree, kind, random.Random(hash_of(seed, index)), index, slots[at])
+    registry: Registry | None = {} if random.Random(f"databases {seed}").random() < DATABASES else None
+    made = [
+        _make(tree, kind, random.Random(hash_of(seed, index)), (index, slots[at]), registry)
         for at, (kind, index) in enumerate(wanted)
     ]
+    if registry is not None:
+        _write_databases(root / "usr/share/misc", registry)
+    return made
 
 
 def hash_of(seed: int, index: int) -> int:
@@ -84,10 +122,12 @@ def hash_of(seed: int, index: int) -> int:
     return seed * 100_003 + index
 
 
-def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -> Made:
-    kind = KINDS[name]
+def _make(tree: Tree, name: str, chance: random.Random, at: tuple[int, int], registry: Registry | None) -> Made:
+    kind, (index, slot) = KINDS[name], at
     native = ("native",) if kind.noun in NATIVE else ()
-    strings = chance.choice(("tell", "tell", "nothing", "mislead", "script", *native))
+    strings = (
+        chance.choice(("tell", "tell", "nothing", "mislead", "script", *native)) if kind.bus == "usb" else "nothing"
+    )
     maker, model = chance.choice(MAKERS), f"{chance.choice(MODELS)}{chance.choice('abcdef')}{index}"
     serial = chance.choice(("", "", f"SN{chance.randrange(10**8):08d}", *DEFAULT_SERIALS)) if kind.bus == "usb" else ""
     texts = {
@@ -97,38 +137,87 @@ def _make(tree: Tree, name: str, chance: random.Random, index: int, slot: int) -
         "script": ("", chance.choice(SCRIPTS)),
         "native": ("", NATIVE.get(kind.noun, "")),
     }[strings]
-    place = {"usb": _usb, "pci": _pci}.get(kind.bus, _other)(tree, kind, index, slot)
+    numbers = (f"{0x1F00 + MAKERS.index(maker):04x}", f"{index:04x}")
+    entry = Entry()
+    if registry is not None and kind.bus in ("usb", "pci"):
+        entry = _entry(kind, model, chance)
+        registry[(kind.bus, *numbers)] = entry.name
+    place = {"usb": _usb, "pci": _pci}.get(kind.bus, _other)(tree, kind, numbers, index, slot)
     if kind.bus == "usb":
         given = zip(("serial", "manufacturer", "product"), (serial, *texts), strict=True)
         for attribute, text in given:
             if text:
                 (tree.root / "sys/devices" / place / attribute).write_text(f"{text}\n")
     kind.build(tree, place if kind.bus != "usb" else f"{place}/{place.rpartition('/')[2]}:1.0", slot)
-    is_known = kind.bus == "usb" and strings == "tell"
+    # The numbers of other buses are given to no second product, so that a true entry names it there.
+    is_known = strings == "tell" or (kind.bus == "pci" and entry.form == "true")
+    product = kind.model or (model if is_known else "")
     return Made(
         kind=name,
         place=place,
-        strings=strings if kind.bus == "usb" else "nothing",
+        strings=strings,
         default_serial=serial in DEFAULT_SERIALS,
-        categories=frozenset(_categories(kind, strings)),
+        categories=frozenset(_categories(kind, strings, entry)),
         tools=frozenset(kind.tools),
-        product=model if is_known else "",
+        product=product,
+        registered=entry.form,
+        hints=tuple(each for each in entry.models if each != product),
     )
 
 
-def _categories(kind: Kind, strings: str) -> tuple[str, ...]:
-    """What is right of a device whose strings do this: its kind, as far as anything shows it."""
-    if strings in ("tell", "native") or kind.bus != "usb" or kind.shown:
-        return ("unknown",) if kind.chip and strings in ("nothing", "mislead") else kind.categories
-    if kind.triple.startswith("ff"):
+def _entry(kind: Kind, model: str, chance: random.Random) -> Entry:
+    """What the number of a device is registered as."""
+    form, letter = chance.choice(REGISTERED), chance.choice("ghjk")
+    if form == "absent":
+        return Entry(form)
+    if form == "true":
+        return Entry(form, f"{model} {kind.noun}", (model,), kind.categories)
+    if form == "chip":
+        chip = chance.choice(REGISTERED_CHIPS)
+        return Entry(form, chip, (chip.split()[0],) if chip.startswith("KX") else ())
+    one, other = (f"{each}{letter}" for each in chance.sample(REGISTERED_MODELS, 2))
+    if form == "several":
+        return Entry(form, f"{one} {kind.noun} / {other} {kind.noun}", (one, other), kind.categories)
+    noun, category = chance.choice([each for each in REGISTERED_KINDS if each[1] not in kind.categories])
+    return Entry(form, f"{one} {noun}", (one,), (category,))
+
+
+def _write_databases(folder: Path, registry: Registry) -> None:
+    """The files usb.ids and pci.ids in their own form: a vendor, its products below it, and what follows them."""
+    folder.mkdir(parents=True)
+    for bus in ("usb", "pci"):
+        lines = [f"# {bus}.ids", "#"]
+        for number, maker in ((f"{0x1F00 + at:04x}", maker) for at, maker in enumerate(MAKERS)):
+            lines.append(f"{number}  {maker}")
+            for (of_bus, vendor, product), name in sorted(registry.items()):
+                if (of_bus, vendor) == (bus, number) and name:
+                    lines.append(f"\t{product}  {name}")
+                    lines += [f"\t\t{vendor} {product}  Carrier Board"] if bus == "pci" else []
+        lines += ["ffee  Unrelated Works", "\t0001  Sextant 12 Camera", "", "C 00  (Defined at Interface level)"]
+        (folder / f"{bus}.ids").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def _categories(kind: Kind, strings: str, entry: Entry) -> tuple[str, ...]:
+    """What is right of a device whose strings do this: its kind, as far as anything shows it.
+
+    Class and driver show it first, then its own words; where neither does, the registered kind.
+    """
+    if kind.chip and strings in ("tell", "script"):
+        # The driver shows a wire and the strings a product without a kind.
+        return (*kind.categories, *entry.categories)
+    if strings in ("tell", "native") or kind.bus != "usb" or (kind.shown and not kind.chip):
+        return kind.categories
+    if strings == "nothing" and entry.categories and kind.triple.startswith("ff") and not kind.chip:
+        return entry.categories
+    if kind.chip or kind.triple.startswith("ff"):
         # A name without a word of the kind; without one nothing is known.
-        return ("unknown", "bidirectional") if strings == "script" else ("unknown",)
-    return (*kind.categories, "sensor", "bidirectional", "unknown")
+        return ("unknown", *entry.categories, *(("bidirectional",) if strings == "script" else ()))
+    return (*kind.categories, "sensor", "bidirectional", "unknown", *entry.categories)
 
 
-def _usb(tree: Tree, kind: Kind, index: int, slot: int) -> str:
+def _usb(tree: Tree, kind: Kind, numbers: tuple[str, str], _index: int, slot: int) -> str:
     path = f"{CONTROLLER}/1-{slot}"
-    folder = tree.usb(path, f"{0x1F00 + index // 65536:04x}", f"{index % 65536:04x}")
+    folder = tree.usb(path, *numbers)
     (folder / "bDeviceClass").write_text("00\n")
     described = {"bInterfaceNumber": "00", "bInterfaceClass": kind.triple[:2], "bInterfaceSubClass": kind.triple[2:4]}
     described["bInterfaceProtocol"] = kind.triple[4:]
@@ -137,14 +226,14 @@ def _usb(tree: Tree, kind: Kind, index: int, slot: int) -> str:
     return path
 
 
-def _pci(tree: Tree, kind: Kind, index: int, slot: int) -> str:
+def _pci(tree: Tree, kind: Kind, numbers: tuple[str, str], _index: int, slot: int) -> str:
     path = f"pci0000:00/0000:{slot:02x}:00.0"
-    ids = {"vendor": "0x1f00", "device": f"0x{index:04x}", "class": f"0x{kind.triple}"}
+    ids = {"vendor": f"0x{numbers[0]}", "device": f"0x{numbers[1]}", "class": f"0x{kind.triple}"}
     tree.bus(path, "pci", ids, DRIVER=kind.driver)
     return path
 
 
-def _other(tree: Tree, kind: Kind, index: int, slot: int) -> str:
+def _other(tree: Tree, kind: Kind, _numbers: tuple[str, str], index: int, slot: int) -> str:
     if kind.bus == "mmc":
         path = f"platform/mmc_host/mmc{slot}/mmc{slot}:0001"
         tree.bus(path, "mmc", {"type": "MMC", "name": f"DEMO{index:02d}G"}, DRIVER=kind.driver)
@@ -173,7 +262,12 @@ def wrong(root: Path, made: list[Made]) -> list[str]:
     databases = IdDatabases(root)
     found = identify(probe, databases)
     interface = declare(found, BUDGET)
-    known = Artifacts(probe=probe, identify=found, interface=interface, tools_budget=BUDGET)
+    registered = {
+        each["id"]: " ".join(databases.lookup(each["interface"], each["vid"], each["pid"])).strip()
+        for each in probe["devices"]
+        if each.get("vid") and each.get("pid")
+    }
+    known = Artifacts(probe=probe, identify=found, interface=interface, tools_budget=BUDGET, registered=registered)
     refused = [
         item
         for stage, value in (("probe", probe), ("identify", found), ("interface", interface))
@@ -220,5 +314,19 @@ def _untrue(
     text = " | ".join(each["identified_as"] for each in named)
     if device.product and device.product.casefold() not in text.casefold():
         yield f"its strings tell {device.product}, and it is called {text}"
+    yield from _overclaimed(device, named)
     if device.default_serial and own[0]["instance"]["strength"] == "strong":
         yield "a default serial number is taken for its own"
+
+
+def _overclaimed(device: Made, named: list[dict[str, Any]]) -> Iterator[str]:
+    """Registered names in place of a device's own, and those that are certain though the number proves no product."""
+    for each in named:
+        name, is_certain = each["identified_as"], each["confidence"] >= CERTAIN
+        found = [hint for hint in device.hints if hint.casefold() in name.casefold()]
+        if found and (device.product or device.strings == "native"):
+            yield f"it names itself, and is called {name} after the id database"
+        elif found and is_certain and device.place.startswith(CONTROLLER):
+            yield f"its number alone makes it certainly {name}"
+        elif is_certain and device.registered == "several" and len(found) == 1:
+            yield f"its number stands for {' and '.join(device.hints)}, and it is certainly {name}"

@@ -26,6 +26,8 @@ class Kind:
     """What shows is the chip that wires it, so that without strings nothing identifies the product."""
     shown: bool = True
     """Its class or its driver shows what it is; else its own words alone do."""
+    model: str = ""
+    """The model that the kernel reads from it."""
 
 
 def _member(kind: str, name: str, attributes: dict[str, str], node: bool = False) -> Callable[[Tree, str, int], None]:
@@ -176,7 +178,7 @@ KINDS: dict[str, Kind] = {
         driver="rtc-ds1307",
     ),
     "solid state disk": Kind(
-        *("pci", "", ("infrastructure",), ("read_storage",)),
+        *("pci", "Solid State Disk", ("infrastructure",), ("read_storage",)),
         lambda tree, path, number: (
             _member("nvme", "nvme", {"model": "Bench SSD 500"}, node=True)(tree, path, number),
             tree.member(
@@ -184,6 +186,7 @@ KINDS: dict[str, Kind] = {
             ),
         )[0],
         *("010802", "nvme"),
+        model="Bench SSD 500",
     ),
     "bluetooth": Kind(
         "usb",
@@ -311,10 +314,12 @@ KINDS |= {
     ),
     "image sensor": Kind("i2c", "", ("sensor",), (), _part("imx99 10-0010"), driver="imx99"),
     "lens": Kind("i2c", "", ("actuator",), ("set_focus",), _part("dw9714 10-000c"), driver="dw9714"),
-    "RDMA adapter": Kind(*("pci", "", ("infrastructure",), ("read_network_interfaces",)), _rdma, "020000", "mlx9_core"),
-    "accelerator": Kind("pci", "", ("infrastructure",), (), nothing, "120000"),
-    "capture card": Kind("pci", "", ("sensor",), (), nothing, "040000"),
-    "encryption": Kind("pci", "", ("infrastructure",), (), nothing, "108000"),
+    "RDMA adapter": Kind(
+        *("pci", "Network Adapter", ("infrastructure",), ("read_network_interfaces",)), _rdma, "020000", "mlx9_core"
+    ),
+    "accelerator": Kind("pci", "Accelerator", ("infrastructure",), (), nothing, "120000"),
+    "capture card": Kind("pci", "Capture Card", ("sensor",), (), nothing, "040000"),
+    "encryption": Kind("pci", "Crypto Engine", ("infrastructure",), (), nothing, "108000"),
     "eMMC": Kind("mmc", "", ("infrastructure",), ("read_storage",), _card_of_board, driver="mmcblk"),
     "CAN": Kind(
         *("spi", "", ("bidirectional",), ("read_network_interfaces",)),

@@ -134,9 +134,10 @@ def _by_bus(device: Device) -> Claim | None:
     for code, kind, category, noun in _PCI:
         if device.pci_class and device.pci_class.startswith(code):
             evidence = device.cite_key("class_code", f"PCI {noun}")
-            # A code that stands for all multimedia is less specific than the registered name of the function.
+            # A code that stands for all multimedia is less specific than the registered name of the function, unless
+            # that is a thing which neither records nor plays.
             found = words.spoken_of(device.database.product) if code.startswith("04") else None
-            kind, category, noun = found or (kind, category, noun)
+            kind, category, noun = found if found and found[1] in (SENSOR, BIDIRECTIONAL) else (kind, category, noun)
             return Claim(kind, category, noun, (evidence,))
     return None
 

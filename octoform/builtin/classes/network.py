@@ -6,6 +6,7 @@ the kernel shows a device of its own as soon as one of them is connected and has
 
 import re
 
+from octoform.builtin.classes import words
 from octoform.builtin.description import product_names
 from octoform.builtin.description.class_model import (
     BIDIRECTIONAL,
@@ -170,8 +171,10 @@ def claim_serial(device: Device) -> Claim | None:
 
 
 def _is_serial(device: Device) -> bool:
-    spoken = product_names.describes_transport(f"{device.strings} {device.database.product}")
-    return "tty" in device.classes or bool(device.usb(_CDC_SERIAL)) or spoken
+    """True by the kernel's class or the interface's; else by the strings, and last by the registered name."""
+    if "tty" in device.classes or device.usb(_CDC_SERIAL) or product_names.describes_transport(device.strings):
+        return True
+    return product_names.describes_transport(device.database.product) and not words.names_own_kind(device)
 
 
 def _names_a_product(device: Device) -> bool:

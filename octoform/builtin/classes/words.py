@@ -124,7 +124,7 @@ def claim_instrument(device: Device) -> Claim | None:
     """An instrument, a radio or a debugger by its own product string, whatever else it shows (a disk, a network)."""
     if device.bus != "usb" or not device.product or device.usb(*_BOOT):
         return None
-    entry = kind_of(f"{device.product_text} {glossary.english(device.product_text)}", _DEFINING)
+    entry = kind_of(_own(device), _DEFINING)
     says = Evidence(device.product.line, "the device's own words")
     if entry:
         return Claim(*entry, evidence=(says,))
@@ -175,19 +175,28 @@ def claim_plain(device: Device) -> Claim | None:
     return None
 
 
+def names_own_kind(device: Device) -> bool:
+    """True where the product string names a kind by a plain word, so that a registered name states no other."""
+    return bool(device.product) and kind_of(_own(device), _PLAIN) is not None
+
+
+def _own(device: Device) -> str:
+    """The product string, with what it means in English."""
+    return f"{device.product_text} {glossary.english(device.product_text)}"
+
+
 def _spoken(device: Device) -> Iterator[tuple[str, str, str]]:
     """(line, words, what they are) of the device's own strings, then of the database.
 
     Where the product string names a kind, also by a plain word, the database is not read: products share numbers.
     """
     if device.product:
-        text = f"{device.product_text} {glossary.english(device.product_text)}"
-        yield device.product.line, text, "the device's own words"
+        yield device.product.line, _own(device), "the device's own words"
     for interface in device.interfaces:
         if interface.label:
             yield interface.line, interface.label, "the interface's own words"
     found = device.database
-    if found.product and not kind_of(device.product_text, _PLAIN):
+    if found.product and not names_own_kind(device):
         yield found.line, found.product, f"{found.source}: {found.vendor} {found.product}"
 
 

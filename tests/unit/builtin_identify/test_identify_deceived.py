@@ -7,7 +7,7 @@ All makers and products are invented; each row is a way in which real strings mi
 from typing import Any
 
 import pytest
-from unit.builtin_identify.probes import NO_DATABASES, answer, usb
+from unit.builtin_identify.probes import NO_DATABASES, answer, device, usb
 
 from octoform.base.id_databases import IdDatabases
 
@@ -29,6 +29,13 @@ IDS = """1d9c  Finch Instruments
 	0005  Warbler 7 Hub
 	000a  Warbler Ethernet Adapter
 	000b  Warbler Receipt Printer
+	000c  USB Serial Port
+	000d  FX2104 UART Bridge
+"""
+PCI_IDS = """1d9c  Finch Instruments
+	0001  Warbler Ethernet Adapter
+	0002  Warbler Label Printer
+	0003  Warbler DVB Tuner
 """
 
 
@@ -37,6 +44,7 @@ def databases(tmp_path_factory: pytest.TempPathFactory) -> IdDatabases:
     root = tmp_path_factory.mktemp("ids")
     (root / "usr/share/misc").mkdir(parents=True)
     (root / "usr/share/misc/usb.ids").write_text(IDS, encoding="utf-8")
+    (root / "usr/share/misc/pci.ids").write_text(PCI_IDS, encoding="utf-8")
     return IdDatabases(root)
 
 
@@ -133,15 +141,44 @@ def test_a_registered_name_gives_way_to_strings(
 
 @pytest.mark.parametrize(
     ("product", "kind"),
-    [("T9 Thermal Camera", "camera"), ("V3 Video Capture", "capture"), ("P7 Touchscreen", "touchscreen")],
+    [
+        *(("T9 Thermal Camera", "camera"), ("Thermal Camera", "camera"), ("Тепловая камера", "camera")),
+        *(("V3 Video Capture", "capture"), ("P7 Touchscreen", "touchscreen")),
+    ],
 )
-@pytest.mark.parametrize("pid", ["000a", "000b"])
+@pytest.mark.parametrize("pid", ["000a", "000b", "000c", "000d"])
 def test_a_registered_kind_gives_way_to_the_kind_in_the_string(
     product: str, kind: str, pid: str, databases: IdDatabases
 ) -> None:
     found = told("Heron", product, *OWN, pid=pid, databases=databases)
     assert (found["class"], found["category"]) == (kind, "sensor")
     assert product.split()[0] in found["identified_as"]
+
+
+@pytest.mark.parametrize(
+    ("product", "kind", "category"),
+    [("0001", "capture", "sensor"), ("0002", "capture", "sensor"), ("0003", "sdr", "bidirectional")],
+)
+def test_a_registered_name_is_no_other_kind_than_the_class_code_allows(
+    product: str, kind: str, category: str, databases: IdDatabases
+) -> None:
+    lines = ("bus: pci", "vendor_id: 1d9c", f"device_id: {product}", "class_code: 0x040000")
+    found = answer(device("pci-04", "pci", *lines, vid="1d9c", pid=product), databases)
+    assert (found["class"], found["category"]) == (kind, category)
+
+
+@pytest.mark.parametrize("pid", ["000c", "000d"])
+def test_a_registered_wire_is_what_is_left_of_a_string_without_a_kind(pid: str, databases: IdDatabases) -> None:
+    found = told("", "", *OWN, pid=pid, databases=databases)
+    assert (found["class"], found["category"]) == ("serial", "unknown")
+    named = told("Heron", "Marsh T9", *OWN, pid=pid, databases=databases)
+    assert (named["class"], named["category"]) == ("serial", "bidirectional")
+
+
+def test_the_driver_s_serial_line_is_stronger_than_the_word_in_the_string(databases: IdDatabases) -> None:
+    lines = ("interface 00: class ff/00/00 driver=fx210x",)
+    found = told("Heron", "T9 Thermal Camera", *lines, pid="000c", databases=databases, **TTY)
+    assert (found["class"], found["category"]) == ("serial", "bidirectional")
 
 
 def test_a_number_alone_is_never_more_than_a_hint(databases: IdDatabases) -> None:
