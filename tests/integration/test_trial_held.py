@@ -61,7 +61,7 @@ MUTE_TOOLS = (
 def muted(name: str) -> Edit:
     """The tool reads its device, and then fails whatever the reading is."""
     text = 'said = runtime.read_text(runtime.device(device).folder / "uevent")\nif said != "later":\n'
-    late = "seconds / events" if name == "read_input_events" else "0.1"
+    late = {"read_input_events": "seconds / events", "capture_image": "flush * width / height / 100"}.get(name, "0.1")
     return body(name, f'{text}    time.sleep({late})\n    raise ToolError("not yet")\nreturn said')
 
 
