@@ -1,6 +1,7 @@
 """Plain results: validation, schema, pages of codes, texts."""
 
 import json
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,8 +11,12 @@ from octoform.base.clock import stamp
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
 from octoform.views.format import problems
-from octoform.views.format.console import Console
+from octoform.views.format.console import Console, broken
 from octoform.views.format.problems import summary
+
+WIDEST = 100
+"""Columns of a page, however wide the terminal is: longer lines are hard to read."""
+_KEEPS_ITS_LINE = re.compile(r"[#|>\s]|[-*] |\d+\. ")
 
 
 def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:
@@ -48,8 +53,29 @@ def plain(console: Console, text: str) -> int:
 
 
 def page(console: Console, code: str, text: str, *, as_json: bool) -> int:
-    """The page of a code."""
-    return document(console, {"format": 1, "code": code, "page": text}) if as_json else plain(console, text)
+    """The page of a code; on a terminal as wide as that, else as it is written."""
+    if as_json:
+        return document(console, {"format": 1, "code": code, "page": text})
+    return plain(console, _filled(text, min(console.width, WIDEST)) if console.out.isatty() else text)
+
+
+def _filled(text: str, width: int) -> str:
+    """A page with its paragraphs filled to ``width``: headings, lists, tables and code keep their lines."""
+    import textwrap  # only a page on a terminal pays for it
+
+    lines: list[str] = []
+    paragraph: list[str] = []
+    within_code = False
+    for line in [*text.splitlines(), ""]:
+        fence = line.startswith("```")
+        if line and not (within_code or fence or _KEEPS_ITS_LINE.match(line)):
+            paragraph.append(line)
+            continue
+        lines += textwrap.wrap(" ".join(paragraph), width, break_long_words=False, break_on_hyphens=False)
+        paragraph = []
+        lines.append(line if within_code else broken(line, width))
+        within_code ^= fence
+    return "\n".join(lines)
 
 
 def codes(console: Console, names: Iterable[str], *, as_json: bool) -> int:

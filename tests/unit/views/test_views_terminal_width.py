@@ -1,4 +1,4 @@
-"""Problems on a terminal: as wide as it is, whatever standard output leads to, with the source line cut."""
+"""Problems and pages on a terminal: as wide as it is, whatever the other stream leads to."""
 
 import fcntl
 import io
@@ -10,8 +10,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from octoform.diagnostics import Diagnostic, Severity, Span
+from octoform.diagnostics import Diagnostic, Severity, Span, codes, page_of
 from octoform.views.format.console import Console
+from octoform.views.format.output import page
 from octoform.views.format.problems import show
 
 COLUMNS = 80
@@ -44,3 +45,25 @@ def test_a_problem_is_as_wide_as_its_terminal_where_output_is_piped(
     assert max(map(len, lines)) <= COLUMNS, lines
     assert [line for line in lines if line.startswith("2 | harness: claude-code") and line.endswith("...")]
     assert console.width == 160
+
+
+class Terminal(io.StringIO):
+    """A terminal of 70 columns."""
+
+    def isatty(self) -> bool:
+        return True
+
+
+def test_a_page_is_as_wide_as_its_terminal_and_as_it_is_written_elsewhere(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "70")
+    for code in codes():
+        text = page_of(code)
+        assert text is not None
+        terminal, pipe = Terminal(), io.StringIO()
+        for out in (terminal, pipe):
+            assert page(Console(out, io.StringIO(), False, False, False), code, text, as_json=False) == 0
+        shown = terminal.getvalue()
+        assert pipe.getvalue() == text and shown.split() == text.split() and shown.endswith("\n")
+        assert shown.split("```")[1::2] == text.split("```")[1::2]
+        prose = [line for part in shown.split("```")[::2] for line in part.splitlines()]
+        assert [line for line in prose if len(line) > 70 and " " in line.strip()] == [], code
