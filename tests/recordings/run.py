@@ -29,7 +29,7 @@ from pathlib import Path
 from typing import Any
 
 from recordings import score
-from recordings.bounds import bounds, held, print_bounds
+from recordings.bounds import bounds, held, print_bounds, slowness
 from recordings.onboarding import STAGES, Onboarded, is_whole_host, onboard, serve, show_ids
 from recordings.sysroot.convert import convert
 from recordings.tables import print_details, print_excluded, print_funnel, print_hosts, print_marks
@@ -85,7 +85,7 @@ def main() -> int:
     print_hosts(hosts)
     print_funnel(hosts)
     print(f"{text}: {time.monotonic() - began:.0f} s")
-    lines = bounds(hosts, marks)
+    lines = bounds(hosts, marks, slowness())
     print_bounds(lines)
     return 0 if held(lines) else 1
 

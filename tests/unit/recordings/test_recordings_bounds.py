@@ -92,6 +92,12 @@ def test_each_bound_can_be_missed(
     assert last == "RESULT: all bounds hold" if not missed else missed in last
 
 
+def test_a_machine_that_is_half_as_fast_may_take_twice_as_long() -> None:
+    assert held(bounds([host(0.59)], marks(score.NAMED), 2.0)) and not held(
+        bounds([host(0.61)], marks(score.NAMED), 2.0)
+    )
+
+
 def test_a_laptop_is_told_by_its_firmware(tmp_path: Path) -> None:
     assert not is_laptop(tmp_path)
     chassis = tmp_path / "sys/class/dmi/id/chassis_type"
