@@ -105,8 +105,15 @@ _NOTED_OF_THE_MACHINE = (
 """What root's agent could leave to be run; packages that are being installed change it as well: reported, and left."""
 _BINARIES = (".local/bin", "bin")
 """Where a login looks for programs before all others (the usual ~/.profile)."""
-_PROGRAMS: tuple[str, ...] = ("uv", "bwrap", "git", "node", "npm", "npx", "loginctl", "ssh", "sh", "true", "python3")
-"""The programs that octoform calls by name; those of `SCHEDULERS` are added there."""
+SCHEDULERS = {
+    "crontab": ("crontab", "-l"),
+    "list of `at` jobs": ("atq",),
+    "list of transient units": ("systemctl", "--user", "list-units", "--all", "--plain", "--no-legend", "run-*"),
+}
+"""The lists of what services of the system run for a person, outside of any attempt, and what shows each."""
+_CALLED = ("uv", "bwrap", "git", "node", "npm", "npx", "loginctl", "ssh", "sh", "true", "python3")
+_PROGRAMS = _CALLED + tuple(command for command, *_ in SCHEDULERS.values())
+"""The programs that octoform calls by name."""
 _PACKAGES_OF_A_PERSON = tuple(f".local/lib/python3.{minor}/site-packages" for minor in range(8, 20))
 """Of each Python that a person may have."""
 _AGENTS = (
@@ -339,13 +346,6 @@ def _shared(folder: Path) -> Path:
         return folder
 
 
-SCHEDULERS = {
-    "crontab": ("crontab", "-l"),
-    "list of `at` jobs": ("atq",),
-    "list of transient units": ("systemctl", "--user", "list-units", "--all", "--plain", "--no-legend", "run-*"),
-}
-"""The lists of what services of the system run for a person, outside of any attempt, and what shows each."""
-_PROGRAMS += tuple(words[0] for words in SCHEDULERS.values())
 UNDONE = "undone"
 """Folder of an attempt with what files had become that were not the agent's to change."""
 
