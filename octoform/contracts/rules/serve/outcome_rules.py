@@ -15,7 +15,7 @@ from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.movement_words import is_time
 from octoform.contracts.rules.serve.computed_calls import Calls, arguments, is_level, maxima_of_lights, numbers_of
-from octoform.contracts.rules.serve.tool_rules import WISHED, names_passed, readings_of
+from octoform.contracts.rules.serve.tool_rules import HELPERS, WISHED, passed_on, readings_of
 from octoform.contracts.rules.serve.value_rules import numbers_read
 from octoform.contracts.server_code.computed_values import Spent, Unsure, World
 from octoform.contracts.server_code.server_source import Function, needed_source, walk
@@ -287,7 +287,6 @@ def _given_to_programs(calls: Calls, tool: JsonObject, name: str) -> list[_Given
 
 _PARTS = (0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1)
 """Where in its range an argument is tried that a tool may cut off."""
-_MAX_HELPERS = 3
 
 
 def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -300,7 +299,7 @@ def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for name, member in (tool["input_schema"].get("properties") or {}).items():
             tried = _over_range(member) if tool["effect"] == "read" or is_time(name) else []
             try:
-                found = _cut(calls, function, name, tried, _MAX_HELPERS) if tried else None
+                found = _cut(calls, function, name, tried, HELPERS) if tried else None
             except Spent:
                 return list(out.values())
             if found is None or (WISHED.search(member.get("description", "")) and not _cuts_default(member, found[1])):
@@ -344,7 +343,7 @@ def _cut(
         above = [each for each, _ in source.above(item)]
         if any(isinstance(each, ast.Raise | ast.JoinedStr) for each in above):
             continue  # an error that names it
-        mine = _cut_where_used(calls, item, above, tried) or _cut_by_helper(calls, item, above, tried, depth)
+        mine = _cut_where_used(calls, item, above, tried) or _cut_by_helper(calls, item, tried, depth)
         if mine is None:
             return None
         found = found or mine
@@ -367,18 +366,12 @@ def _cut_where_used(
 
 
 def _cut_by_helper(
-    calls: Calls, use: ast.Name, above: list[ast.AST], tried: list[float], depth: int
+    calls: Calls, use: ast.Name, tried: list[float], depth: int
 ) -> tuple[ast.AST, tuple[float, float]] | None:
-    call = next((each for each in above if isinstance(each, ast.Call)), None)
-    own: dict[str, Function] = {item.name: item for item in calls.source.functions}
-    if depth == 0 or call is None or not (use in call.args or any(use is each.value for each in call.keywords)):
-        return None
-    named = getattr(call.func, "id", "")
-    inner = own.get(named) or next(
-        (own[each.id] for each in call.args if isinstance(each, ast.Name) and each.id in own), None
+    passed = passed_on(calls.source, use) if depth else None
+    return (
+        _cut(calls, passed[0], passed[1][0], tried, depth - 1) if passed is not None and len(passed[1]) == 1 else None
     )
-    names = [parameter for parameter, given in names_passed(own, call) if given == use.id]
-    return _cut(calls, inner, names[0], tried, depth - 1) if inner is not None and len(names) == 1 else None
 
 
 def _example(pairs: list[tuple[float, float | None]]) -> tuple[float, float] | None:

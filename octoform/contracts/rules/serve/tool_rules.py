@@ -159,7 +159,8 @@ _SIZES = frozenset({"width", "height"})
 _PROPERTIES = {"3": "width", "4": "height", "CAP_PROP_FRAME_WIDTH": "width", "CAP_PROP_FRAME_HEIGHT": "height"}
 """Which side of a picture OpenCV sets by a property, by its name and its number (videoio.hpp)."""
 _QUARTERS = frozenset({"rotate", "rot90", "transpose", "swapaxes"})
-_MAX_HELPERS = 4
+HELPERS = 4
+"""How many functions of the file an argument is followed into, one called by the other."""
 
 
 def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -174,7 +175,7 @@ def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
         for call, _ in source.calls:
             if source.owner(call) not in roots:
                 continue
-            pairs = names_passed(own, call)
+            pairs = _names_passed(own, call)
             crossed = [(one, two) for one, two in pairs if one < two and two in taken and (two, one) in pairs]
             for one, two in (each for each in crossed if each[0] in taken):
                 names = f"{display(one)} and {display(two)}"
@@ -218,22 +219,27 @@ def _sides_exchanged(source: Source, used: Collection[Function]) -> Iterator[ast
                 yield item
 
 
-def is_used(source: Source, function: Function, name: str, depth: int = _MAX_HELPERS) -> bool:
+def is_used(source: Source, function: Function, name: str, depth: int = HELPERS) -> bool:
     """Whether a parameter is used, by the function itself or by those of the file that it is passed on to."""
-    own = {item.name: item for item in source.functions}
     uses = [item for part in function.body for item in walk(part) if isinstance(item, ast.Name) and item.id == name]
     for item in uses:
-        call = source.parents.get(item)
-        call = source.parents.get(call) if isinstance(call, ast.keyword) else call
-        passed = (
-            [each for each, given in names_passed(own, call) if given == name] if isinstance(call, ast.Call) else []
-        )
-        inner = _entered(own, call) if passed and isinstance(call, ast.Call) else None
-        if inner is None or depth == 0 or isinstance(item.ctx, ast.Store):
+        passed = passed_on(source, item)
+        if passed is None or depth == 0 or isinstance(item.ctx, ast.Store):
             return True
-        if any(is_used(source, inner, each, depth - 1) for each in passed):
+        if any(is_used(source, passed[0], each, depth - 1) for each in passed[1]):
             return True
     return False
+
+
+def passed_on(source: Source, use: ast.Name) -> tuple[Function, list[str]] | None:
+    """The function of the file that the name is an argument of a call of, and the parameters that get it."""
+    own: dict[str, Function] = {item.name: item for item in source.functions}
+    call: ast.AST | None = source.parents.get(use)
+    while isinstance(call, ast.keyword | ast.Starred | ast.Tuple | ast.List):
+        call = source.parents.get(call)
+    inner = _entered(own, call) if isinstance(call, ast.Call) else None
+    passed = [each for each, given in _names_passed(own, call) if given == use.id] if isinstance(call, ast.Call) else []
+    return (inner, passed) if inner is not None and passed else None
 
 
 WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
@@ -261,7 +267,7 @@ def _entered(own: Mapping[str, Function], call: ast.Call) -> Function | None:
     return function
 
 
-def names_passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
+def _names_passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str, str]]:
     """(parameter, name that is passed for it) of a call of a function of the file, or of one that is handed on."""
     function, given = _entered(own, call), list(call.args)
     given = given[1:] if own.get(getattr(call.func, "id", "")) is None else given
