@@ -17,6 +17,8 @@ from octoform.base import serials
 from octoform.base.files import parse
 from octoform.contracts.model import JsonObject
 
+UNKNOWN = "unknown"
+"""The name of a host that shows none: nothing that has to be hidden."""
 MINIMUM_IN_TEXT = 6
 SHORTEST_NAME = 3
 """A host's name of fewer characters is hidden in its own member alone."""
@@ -46,7 +48,7 @@ def pseudonymise(probe: JsonObject, key: bytes) -> JsonObject:
     out: JsonObject = {}
     for name, value in probe.items():
         if name == "hostname":
-            out[name] = _whole(value, key)
+            out[name] = value if value == UNKNOWN else _whole(value, key)
         elif name == "devices":
             out[name] = [_device(device, key, replace) for device in value]
         else:
@@ -126,7 +128,7 @@ def secrets_in_text(probe: JsonObject) -> list[str]:
 def _host_name(probe: JsonObject) -> list[str]:
     """The host's name, unless it is a word that is stated of its devices."""
     given = probe.get("hostname")
-    name = given.strip() if isinstance(given, str) and not hidden(given) else ""
+    name = given.strip() if isinstance(given, str) and given != UNKNOWN and not hidden(given) else ""
     if len(name) < SHORTEST_NAME or _names_a_kind(name, probe):
         return []
     return [name] if len(name) >= MINIMUM_IN_TEXT or not _is_device_word(name, probe) else []

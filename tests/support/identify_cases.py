@@ -304,7 +304,7 @@ WRONG: dict[str, tuple[str, Change, str, str]] = {
         "laptop",
         called(KESTREL, "Kestrel HD Camera", f"{CAM} => usb.ids 1d9c:0c14: Kestrel Vision HC-2"),
         SOURCE,
-        "HC",
+        "'HC-2' for",
     ),
     "another entry of a database": (
         "shop",

@@ -111,10 +111,10 @@ class Checks:
             return f"refused\nthis was asked {MAX_CHECKS} times; no more is judged before you end\n"
         self.count += 1
         found = self._judge()
+        left = f"({MAX_CHECKS - self.count} {'check' if MAX_CHECKS - self.count == 1 else 'checks'} left)"
         if found:
-            left = MAX_CHECKS - self.count
-            return f"refused\nit would be refused ({left} {'check' if left == 1 else 'checks'} left):\n{found}\n"
-        return "accepted\nit would be accepted, as far as that shows without running it\n"
+            return f"refused\nit would be refused {left}:\n{found}\n"
+        return f"accepted\nit would be accepted, as far as that shows without running it {left}\n"
 
 
 KEEP = 100

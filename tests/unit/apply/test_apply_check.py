@@ -24,7 +24,7 @@ def test_it_says_what_the_judge_finds_and_how_often_it_may_still_ask(
     with Checks(tmp_path, lambda: found.pop(0)) as checks:
         status, text = asked(tmp_path)
         assert (status, text) == (1, "it would be refused (1 check left):\n- CODE at /devices/0: it is wrong\n")
-        assert asked(tmp_path) == (0, "it would be accepted, as far as that shows without running it\n")
+        assert asked(tmp_path) == (0, "it would be accepted, as far as that shows without running it (0 checks left)\n")
         assert asked(tmp_path) == (1, "this was asked 2 times; no more is judged before you end\n")
     assert checks.count == 2 and found == []
 

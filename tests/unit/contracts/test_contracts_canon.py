@@ -71,6 +71,14 @@ def test_a_short_host_name_is_hidden_as_a_word_and_spared_as_a_word_of_a_device(
     assert shown["devices"][4]["raw_descriptor"] == "arp; answers pi4"
 
 
+def test_a_host_that_shows_no_name_has_none_to_hide() -> None:
+    probe = good("probe")
+    probe["hostname"] = "unknown"
+    probe["scan_methods"][0]["detail"] = "the state is unknown"
+    shown = pseudonymise(probe, KEY)
+    assert (shown["hostname"], shown["scan_methods"][0]["detail"]) == ("unknown", "the state is unknown")
+
+
 def test_the_same_secret_has_the_same_pseudonym_and_another_key_another() -> None:
     probe = good("probe")
     probe["devices"][3]["instance"]["serial"] = "ac00451177"

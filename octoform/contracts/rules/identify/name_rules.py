@@ -87,21 +87,27 @@ def source_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         for at, evidence in enumerate(device["evidence"]):
             text = evidence.get("says", "")
             source = _SOURCE.search(text)
-            named = words(text[source.end() :]) if source else []
+            after = text[source.end() :] if source else ""
             unsaid = [
-                word for word in missing(named, known) if _is_distinctive(word.casefold()) and is_proper(word, text)
+                word
+                for word in missing(words(after), known)
+                if _is_distinctive(word.casefold()) and is_proper(word, text)
             ]
             if unsaid:
-                summary = (
-                    f"no id database of this host has {', '.join(map(display, unsaid))} for {display(device['id'])}"
-                )
-                message = f"it has {display(entry)}" if entry else "it does not know these numbers"
+                cited = ", ".join(dict.fromkeys(display(word) for word in _as_written(after, unsaid)))
+                summary = f"no id database of this host has {cited} for {display(device['id'])}"
+                message = f"it has {display(entry)}" if entry else "none below this host's root knows these numbers"
                 where = pointer("devices", index, "evidence", at, "says")
                 hint = (
                     f"{message}; write what follows from the quote, and name a database only for the words of its entry"
                 )
                 out.append(error("IDENTIFY-SOURCE-FALSE", summary, pointer=where, hint=hint))
     return out
+
+
+def _as_written(text: str, unsaid: Iterable[str]) -> list[str]:
+    """The words as the text writes them: HC-2 for HC."""
+    return [each.strip(".,;:()\"'") for each in text.split() if not {*words(each)}.isdisjoint(unsaid)]
 
 
 def guess(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
