@@ -281,10 +281,12 @@ def _tools_of(ground: Ground) -> list[dict[str, Any]]:
 
 def _assignment(context: Context, ground: Ground) -> Assignment:
     step, node, server = ground.step, ground.step.node, str(ground.known.serve)
+    own = of_stage(context, node)
     return replace(
-        of_stage(context, node),
+        own,
         given=json.dumps(_input(ground), indent=1, ensure_ascii=False).encode() + b"\n",
-        beside={SERVER: server.encode()},
+        beside={**own.beside, SERVER: server.encode()},
+        profiles=() if step.profile is None else (step.profile,),
         judge=judge_of(ground.known),
         prove=prove_of(step, ground.known),
     )

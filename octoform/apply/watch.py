@@ -72,7 +72,7 @@ def assignment(context: Context, duty: str, given: Given, judge: Judge, prove: P
     asked = of_stage(context, duty)
     attempts = asked.budget.attempts if given.calls is None else min(asked.budget.attempts, given.calls)
     budget = replace(asked.budget, edit_specs=False, attempts=attempts)
-    return replace(asked, budget=budget, given=text, beside=given.beside, judge=judge, prove=prove)
+    return replace(asked, budget=budget, given=text, beside={**asked.beside, **given.beside}, judge=judge, prove=prove)
 
 
 def paid(context: Context, duty: str, finished: Finished, given: Given) -> Finished:

@@ -1,14 +1,15 @@
 """A run is recorded, and the recording played elsewhere: the same failures, the same artifacts, and no agent.
 
-Every folder below tests/cases/recordings is a recording that is played here. ``laptop-coding-agent`` was made by a
-coding agent with a language model that got the five shipped specs and nothing else, on the planted host of that name.
+Every folder below tests/cases/recordings is a recording that is played here. Those whose names begin with ``laptop``
+and ``rig`` were made by coding agents with a language model that got the five shipped specs and nothing else, on the
+planted host of that name and on the simulated reference rig.
 """
 
 import contextlib
 import importlib.metadata
 import json
 import shutil
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,8 @@ import pytest
 from projects import Done, Project
 
 from octoform.harness.recording import Recording, load
+from octoform.simulation.rig import Rig
+from octoform.simulation.rig import load as described
 
 pytestmark = pytest.mark.dear
 
@@ -149,8 +152,15 @@ def fitted(recording: Path, folder: Path) -> Path:
     return folder
 
 
+def required(recording: Path) -> set[str]:
+    """The packages that its DEPLOY chose."""
+    return {
+        item["name"] for item in json.loads(max(recording.glob("deploy-*/output.json")).read_text())["requirements"]
+    }
+
+
 @pytest.mark.slow
-@pytest.mark.parametrize("case", sorted(path for path in CASES.iterdir() if path.is_dir()), ids=lambda path: path.name)
+@pytest.mark.parametrize("case", sorted({*CASES.iterdir()} - {*CASES.glob("rig-*")}), ids=lambda path: path.name)
 def test_every_recording_leads_to_its_own_artifacts(
     case: Path,
     environments: Path,
@@ -162,9 +172,8 @@ def test_every_recording_leads_to_its_own_artifacts(
     assert isinstance(found, Recording), found
     recording = fitted(case, tmp_path / "fitted")
     replay = replaying(tmp_path, recording)
-    asked = json.loads(max(recording.glob("deploy-*/output.json")).read_text())["requirements"]
-    more = sorted({item["name"] for item in asked} - {"fastmcp", "pydantic"})
-    replay.share_environments(packaged(*more) if more else environments)
+    more = required(recording) - {"fastmcp", "pydantic"}
+    replay.share_environments(packaged(*sorted(more)) if more else environments)
     host = case.name.partition("-")[0]
     if (HOSTS / f"{host}.host").exists():
         replay.environ["OCTOFORM_SYSROOT"] = str(planted(host))
@@ -176,3 +185,61 @@ def test_every_recording_leads_to_its_own_artifacts(
     assert [item["state"] for item in attempts(replay)].count("accepted") == len(STAGES)
     assert len(attempts(replay)) == sum(map(len, found.stages.values()))
     assert "0 added, 0 changed, 0 destroyed" in replay.run("apply", "-auto-approve", status=0).out
+
+
+ARM, RAIL = "usb-1a86-55d3", "usb-2341-804f"
+PROFILED = {"profiles": "[so-arm101, camera-rail]", "answers": f"{{{RAIL}: the camera rail of the bench}}"}
+
+
+@contextlib.contextmanager
+def rig_of(case: str, packaged: Callable[..., Path], tmp_path: Path, **manifest: str) -> Iterator[tuple[Project, Rig]]:
+    """What the coding agent's run on the rig ended in, and the rig."""
+    description = described("reference")
+    description["devices"]["arm"]["speedup"] = description["devices"]["rail"]["speedup"] = 8
+    serials = {ARM: description["devices"]["arm"], RAIL: description["devices"]["rail"]}
+    rig = Rig(description, tmp_path / "tree")
+    rig.start()
+    try:
+        recording = fitted(CASES / case, tmp_path / "fitted")
+        [path] = recording.glob("probe-*/output.json")
+        probe = json.loads(path.read_text())
+        for device in probe["devices"]:  # a recording has pseudonyms in place of serial numbers
+            if "serial" in device["instance"]:
+                device["instance"]["serial"] = serials[device["id"]]["strings"]["serial"]
+        path.write_text(json.dumps(probe))
+        project = replaying(tmp_path, recording)
+        project.share_environments(packaged(*sorted(required(recording) - {"fastmcp", "pydantic"})))
+        project.environ["OCTOFORM_SYSROOT"] = str(tmp_path / "tree")
+        project.manifest |= manifest
+        project.apply(status=0)
+        assert [item["state"] for item in attempts(project)] == ["accepted"] * len(STAGES)
+        yield project, rig
+        project.run("stop", status=0)
+    finally:
+        rig.stop()
+
+
+@pytest.mark.slow
+def test_without_a_profile_no_tool_of_a_coding_agent_reaches_the_arm(
+    packaged: Callable[..., Path], tmp_path: Path
+) -> None:
+    with rig_of("rig-without-profile", packaged, tmp_path) as (project, rig):
+        tools = json.loads((project.state / "interface" / "output.json").read_text())["tools"]
+        assert {tool["effect"] for tool in tools} == {"read"}
+        assert [tool["name"] for tool in tools if ARM in tool["devices"]] == ["check_presence"]
+        for tool in tools:
+            project.run("call", tool["name"], status=0)
+        assert project.run("call", "arm_move_joint", "-arg", "joint=gripper", "-arg", "position=2100").status != 0
+        assert rig.servos is not None and rig.servos.received == 0, "a byte went to the arm"
+        assert rig.line is not None and rig.line.lines == []
+
+
+@pytest.mark.slow
+def test_with_its_profile_the_arm_moves_by_a_coding_agents_tools(packaged: Callable[..., Path], tmp_path: Path) -> None:
+    with rig_of("rig-with-profiles", packaged, tmp_path, policy="{actuate: allow}", **PROFILED) as (project, rig):
+        assert rig.servos is not None and rig.line is not None
+        project.run("call", "arm_move_joint", "-arg", "joint=gripper", "-arg", "position=2300", status=0)
+        assert abs(rig.servos.servos[6].position - 2300) < 30
+        project.run("call", "rail_home", status=0)
+        project.run("call", "rail_move_x", "-arg", "steps=120", status=0)
+        assert rig.line.lines == ["HOME", "MOVE_X 120"] and rig.line.position["X"] == 120

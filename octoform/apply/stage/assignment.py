@@ -171,7 +171,8 @@ class Assignment:
     """``role`` is ``stage`` or ``escalate``; ``given`` is the content of an input other than the accepted artifact.
 
     ``beside`` are more files that its folder begins with, by name. ``prove`` takes the place of a stage's own proof.
-    ``model`` is the name of the manifest, reference unresolved.
+    ``model`` is the name of the manifest, reference unresolved. ``profiles`` names those that its prompt has; None
+    means all that hold for a device of the host.
     """
 
     stage: str
@@ -183,6 +184,7 @@ class Assignment:
     judge: Judge = judge
     prove: Prove | None = None
     beside: Mapping[str, bytes] = field(default_factory=dict)
+    profiles: tuple[str, ...] | None = None
 
     def input(self, context: Context, workdir: Path) -> Path | None:
         """The one artifact that the agent may read."""
@@ -228,8 +230,9 @@ def of_stage(context: Context, stage: str) -> Assignment:
     """The assignment of a stage as the manifest gives it."""
     manifest = context.manifest
     harness, budget = manifest.harness_for(stage), manifest.budget_for(stage)
-    # Who writes a server reads what it stands on; the embedded agent knows it.
-    beside = runtime_files() if stage == "serve" and harness.name not in MODEL_FREE else {}
+    # Who writes or corrects a server reads what it stands on; the embedded agent knows it.
+    writes = stage in ("serve", "heal") or stage.startswith(STEP)
+    beside = runtime_files() if writes and harness.name not in MODEL_FREE else {}
     own = {"interface": judge_interface}
     if harness.name not in MODEL_FREE:  # the embedded agent's PROBE is the host's own scan
         own |= {"probe": judge_scan, "serve": judge_server}

@@ -322,7 +322,7 @@ def _document(context: Context, assignment: Assignment, task: Task, failed: Fail
         "harness": assignment.harness.name,
         "model": assignment.model,
         "limits": {"wall_seconds": task.limits.wall_seconds, "tools": assignment.budget.tools},
-        "profiles": [for_task(profile, ids) for profile, ids in _held(context, task.stage)],
+        "profiles": [for_task(profile, ids) for profile, ids in _held(context, assignment)],
         "answers": dict(_answers(context, assignment)),
         "diagnostics": [to_json(item) for item in _findings(failed)],
     }
@@ -343,7 +343,7 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
             editable=assignment.budget.edit_specs,
             tools=assignment.budget.tools,
             wall_seconds=task.limits.wall_seconds,
-            profiles=_briefings(context, task.stage),
+            profiles=_briefings(context, assignment),
             answers=_answers(context, assignment),
             offered=_offered(context, assignment),
             failed_log=failed.log if failed else None,
@@ -358,13 +358,13 @@ def _prompt(context: Context, assignment: Assignment, task: Task, failed: Failed
     )
 
 
-def _briefings(context: Context, stage: str) -> tuple[str, ...]:
+def _briefings(context: Context, assignment: Assignment) -> tuple[str, ...]:
     """The prose of the profiles, each with the devices of this host that it matches; else empty.
 
     DEPLOY chooses packages: it is given what they say of packages and files.
     """
-    found = packaging if stage == PACKAGES else briefing
-    return tuple(text for profile, devices in _held(context, stage) if (text := found(profile, devices)))
+    found = packaging if assignment.stage == PACKAGES else briefing
+    return tuple(text for profile, devices in _held(context, assignment) if (text := found(profile, devices)))
 
 
 def _answers(context: Context, assignment: Assignment) -> Mapping[str, str]:
@@ -388,10 +388,11 @@ def _asked_of(context: Context, assignment: Assignment) -> Mapping[str, Any]:
     return probe
 
 
-def _held(context: Context, stage: str) -> list[tuple[Profile, frozenset[str]]]:
+def _held(context: Context, assignment: Assignment) -> list[tuple[Profile, frozenset[str]]]:
     """The profiles that hold for a device of this host, each with its devices; PROBE gets none."""
-    if stage == FIRST or not context.profiles:
+    if assignment.stage == FIRST or not context.profiles:
         return []
-    probe = accepted(context, FIRST)
-    held = [(profile, devices_of(profile, probe, context.manifest.answers)) for profile in context.profiles]
+    probe, only = accepted(context, FIRST), assignment.profiles
+    chosen = [profile for profile in context.profiles if only is None or profile.name in only]
+    held = [(profile, devices_of(profile, probe, context.manifest.answers)) for profile in chosen]
     return [(profile, devices) for profile, devices in held if devices]

@@ -106,13 +106,14 @@ def test_one_device_with_evidence_and_tools_is_tried(tmp_path: Path, monkeypatch
     asked = []
 
     def fulfil(context: object, assignment: Any) -> Finished:
-        asked.append(json.loads(assignment.given))
+        asked.append((json.loads(assignment.given), assignment.profiles))
         return cast(Finished, SimpleNamespace(verdict=Verdict(())))
 
     monkeypatch.setattr("octoform.apply.privileged_step.fulfil", fulfil)
     monkeypatch.setattr("octoform.apply.privileged_step.of_stage", lambda context, node: an_assignment(node))
     outcome(tmp_path, [probed(FIRST)], [annotated(FIRST)], [moving(FIRST), {**moving("other"), "name": "x"}])
-    (given,) = asked
+    ((given, told),) = asked
+    assert told == ("so-arm101",)
     assert given["device"]["id"] == FIRST and [tool["name"] for tool in given["tools"]] == ["arm_move_joint"]
     assert given["proof"] == {"kind": "reading", "minimum": 50.0, "unit": "raw", "settle": 2.0}
 

@@ -1,5 +1,8 @@
 """A tool whose device fails: it raises an error, and does not answer that there is nothing."""
 
+import copy
+from typing import Any
+
 from cases import for_each
 from failing_servers import INTERFACE, OTHERWISE, RIGHT, SERVER, UNASKED, WRONG
 
@@ -7,8 +10,8 @@ from octoform.contracts.rules.serve.serve_rules import serve_static
 from octoform.diagnostics import Severity
 
 
-def errors(server: str) -> set[str]:
-    found = serve_static(server, INTERFACE)
+def errors(server: str, interface: dict[str, Any] = INTERFACE) -> set[str]:
+    found = serve_static(server, interface)
     return {f"{item.code}: {item.summary}" for item in found if item.severity is Severity.ERROR}
 
 
@@ -26,6 +29,18 @@ def test_a_failure_that_is_raised_is_accepted(case: str) -> None:
 @for_each("case", UNASKED)
 def test_a_device_that_is_always_there_is_refused(case: str) -> None:
     assert "SERVE-DEVICE-NOT-ASKED" in {item.partition(":")[0] for item in errors(UNASKED[case])}
+
+
+def test_a_tool_of_presence_may_name_its_device() -> None:
+    def named(server: str) -> str:
+        fields = server.replace("    attached: bool\n", "    device: str\n    attached: bool\n")
+        return fields.replace("return Presence(", 'return Presence("usb-1f00-00c1", ')
+
+    interface = copy.deepcopy(INTERFACE)
+    interface["tools"][-1]["output_schema"]["properties"]["device"] = {"type": "string"}
+    assert errors(named(SERVER), interface) == set()
+    for server in UNASKED.values():
+        assert "SERVE-DEVICE-NOT-ASKED" in {item.partition(":")[0] for item in errors(named(server), interface)}
 
 
 @for_each("case", OTHERWISE)

@@ -78,6 +78,7 @@ def device_not_asked(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             summary = f"{what}, so what it returns does not come from there"
         if summary is not None:
             hint = f"call runtime.device({'device' if len(tool['devices']) > 1 else display(tool['devices'][0])}) in it"
+            hint += ", and return what is read of it; a tool of presence catches runtime.DeviceAbsent and returns false"
             summary = f"the tool {display(site.name or '')} {summary}"
             out.append(source.problem("SERVE-DEVICE-NOT-ASKED", site.node, summary, hint))
     return out
@@ -251,9 +252,9 @@ def _comes_from_there(
 
 
 def _reports_presence(source: Source, flow: Flow, tool: JsonObject, used: list[Function]) -> bool:
-    """Whether a tool whose result has truth values and times alone answers false where its device is not there."""
+    """Whether a tool that gives truth values, beside its device and a time, answers false where that is not there."""
     members = (tool.get("output_schema") or {}).get("properties") or {}
-    kinds = {str(each.get("type")) for name, each in members.items() if not _OF_TIME.search(name)}
+    kinds = {str(each.get("type")) for name, each in members.items() if not _OF_TIME.search(name) and name != "device"}
     if kinds != {"boolean"}:
         return False
     for node in (each for each in source.by_kind[ast.Try] if source.owner(each) in used):
