@@ -273,6 +273,7 @@ def heat(file):
     except (OSError, ValueError):
         return None
 """
+FATE = f"file.name if value is None else {MADE.format('value')}"
 STREAM = f"""
 def stream(files):
     for file in files:
@@ -364,6 +365,22 @@ SERVE_RIGHT |= {
             f"{CHANNELS}dead = []\nfor file in files:\n    rows += take(file, dead)\n{NONE}{GIVEN.format('dead')}",
             adds(TAKE),
         ),
+        **{
+            f"listed by {name}": heats(
+                f"{CHANNELS}dead = []\nfor file in files:\n    value = heat(file)\n    {add.format(FATE)}\n"
+                + NONE
+                + GIVEN.format("dead"),
+                adds(HEAT),
+            )
+            for name, add in {
+                "a choice of the list": "(dead if value is None else rows).append({})",
+                "a choice by its truth": "(value is None and dead or rows).extend([{}])",
+                "a choice from a pair": "(rows, dead)[value is None].append({})",
+                "a choice of the method": "(dead.append if value is None else rows.append)({})",
+                "a list that was chosen": "chosen = dead if value is None else rows\n    chosen.append({})",
+                "a method that was chosen": "add = dead.append if value is None else rows.append\n    add({})",
+            }.items()
+        },
         "added as it comes": heats(
             CHANNELS + "dead = []\n" + TRIED.format(ROW, "dead += [file.name]") + NONE + GIVEN.format("dead")
         ),

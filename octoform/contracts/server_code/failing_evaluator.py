@@ -21,7 +21,7 @@ from octoform.contracts.server_code.computed_values import (
     plainly,
 )
 from octoform.contracts.server_code.flow import Flow
-from octoform.contracts.server_code.origins import ELSEWHERE, PLACES, PURE, Origin, last
+from octoform.contracts.server_code.origins import ADDS, ELSEWHERE, PLACES, PURE, Origin, last
 from octoform.contracts.server_code.server_evaluator import Evaluator, Scope
 from octoform.contracts.server_code.server_source import Source, walk
 
@@ -39,7 +39,6 @@ FAULTS = tuple(_KINDS)
 _LISTS = frozenset({"files", "sysroot"})
 _READERS = frozenset({"read_number", "read_integer", "read_text", "read_first", "read_bytes"})
 _LOOKS = frozenset({"glob", "rglob", "iterdir", "exists", "is_file", "is_dir", "close", "release", "flush", "kill"})
-_FILLS = frozenset({"append", "extend", "add", "update", "insert", "appendleft"})
 _MANAGERS = frozenset({"contextmanager", "asynccontextmanager"})
 _NOT_OF_DEVICE = Origin.CLOCK | Origin.ARGUMENT | Origin.DEVICE | Origin.CHANCE | Origin.COUNTED
 
@@ -106,7 +105,7 @@ class FailingEvaluator(Evaluator):
 
     def _filled(self, node: ast.Call, scope: Scope) -> tuple[Any] | None:
         """A list or a table that is filled with what is unknown."""
-        if not isinstance(node.func, ast.Attribute) or node.func.attr not in _FILLS:
+        if not isinstance(node.func, ast.Attribute) or node.func.attr not in ADDS:
             return None
         owner = self.value(node.func.value, scope)
         if not isinstance(owner, list | dict):
@@ -155,7 +154,7 @@ class FailingEvaluator(Evaluator):
             return False
         if ELSEWHERE.fullmatch(name):
             return True
-        if method in PLACES | _LOOKS | _FILLS or PURE.fullmatch(name):
+        if method in PLACES | _LOOKS | ADDS or PURE.fullmatch(name):
             return False
         given = [*node.args, *(item.value for item in node.keywords)]
         receiver = [node.func.value] if isinstance(node.func, ast.Attribute) else []

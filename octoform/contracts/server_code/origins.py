@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import TypeGuard
 
-from octoform.contracts.server_code.server_source import Function, Source, walk
+from octoform.contracts.server_code.server_source import Function, Source, choices, walk
 
 
 class Origin:
@@ -229,9 +229,12 @@ class Deciding(ABC):
 # that stands on every way to a use hides the ones before it. What cannot be decided counts as reaching the use.
 
 Place = tuple[int, int]
+_Bound = tuple[Function | None, str, "Binding"]
 _LOOPS = (ast.For, ast.AsyncFor, ast.While)
 _ASKS = frozenset({"get", "index", "count", "format", "join", "split", "startswith", "endswith", "encode", "replace"})
 """Methods that leave what they belong to as it is."""
+ADDS = frozenset({"append", "appendleft", "extend", "insert", "add", "update"})
+"""Methods that add what they are given to what they belong to."""
 _BINDING = (
     *(ast.Assign, ast.NamedExpr, ast.ClassDef, ast.Call, *_ANNOTATED, *_REPEATED, *_SCOPED),
     *(ast.ExceptHandler, ast.MatchAs, ast.MatchStar, ast.MatchMapping),
@@ -278,6 +281,7 @@ class Bindings:
         }
         binding = [item for item in source.nodes if isinstance(item, _BINDING)]
         found = [(source.owner(item), name, each) for item in binding for name, each in _bound(item)]
+        found += [*self._by_another_name(found)]
         local = {(owner, name) for owner, name, each in found if each.whole} - shared
         for owner, name, each in found:
             own = owner is None or (owner, name) in local or name in self._parameters[owner]
@@ -285,6 +289,18 @@ class Bindings:
             self._of[home][name].append(each)
         for item in binding:
             self._add_attributes(item)
+
+    def _by_another_name(self, found: list[_Bound]) -> Iterator[_Bound]:
+        """What is added to an object through a second name of it: ``chosen = a if x else b``, ``add = a.append``."""
+        second: dict[tuple[Function | None, str], set[str]] = defaultdict(set)
+        for owner, name, each in found:
+            if each.whole and isinstance(each.node, ast.Assign | ast.NamedExpr):
+                second[owner, name].update(_same(each.value))
+        for call, name in self._source.calls:
+            owner, root = self._source.owner(call), base(call.func)
+            adds = isinstance(call.func, ast.Name) or name.rpartition(".")[2] in ADDS
+            for other in second.get((owner, root.id), ()) if adds and root is not None else ():
+                yield owner, other, Binding(call, call, whole=False)
 
     def of(self, scope: Function | None, name: str) -> list[Binding]:
         """The bindings of a name in one scope."""
@@ -446,15 +462,35 @@ def _named(node: ast.AST, target: ast.expr, value: ast.expr, added: bool) -> Ite
 
 def _changed(call: ast.Call) -> Iterator[tuple[str, Binding]]:
     """The objects that a call may change: its method's, and arguments to be filled."""
-    root = base(call.func) if isinstance(call.func, ast.Attribute) else None
+    roots = [] if isinstance(call.func, ast.Name | ast.Subscript) else list(_receivers(call.func))
     asks = isinstance(call.func, ast.Attribute) and call.func.attr in _ASKS
-    if root is not None and not asks and (call.args or call.keywords):
-        yield root.id, Binding(call, call, whole=False)
+    if not asks and (call.args or call.keywords):
+        yield from ((name, Binding(call, call, whole=False)) for name in roots)
     given = [*call.args, *(item.value for item in call.keywords)]
     rows = [each for item in given if isinstance(item, ast.Tuple | ast.List) for each in item.elts]
     for item in (*call.args, *rows):
-        if isinstance(item, ast.Name) and (root is None or item.id != root.id):
+        if isinstance(item, ast.Name) and item.id not in roots:
             yield item.id, Binding(call, call, whole=False, fills=True)
+
+
+def _receivers(node: ast.expr) -> Iterator[str]:
+    """The names of whose object a method may be: an expression may choose, as in ``(a if x else b).append``."""
+    root = base(node)
+    if root is not None:
+        yield root.id
+    for item in [node.value] if isinstance(node, ast.Attribute | ast.Subscript) else choices(node):
+        yield from _receivers(item) if root is None else ()
+
+
+def _same(node: ast.AST) -> Iterator[str]:
+    """The names of the objects that a value may be, be a part of, or add to."""
+    if isinstance(node, ast.Name):
+        yield node.id
+    elif isinstance(node, ast.Subscript) or (isinstance(node, ast.Attribute) and node.attr in ADDS):
+        yield from _same(node.value)
+    elif isinstance(node, ast.IfExp | ast.BoolOp):
+        for item in choices(node):
+            yield from _same(item)
 
 
 def base(node: ast.expr) -> ast.Name | None:

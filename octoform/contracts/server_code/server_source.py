@@ -49,6 +49,15 @@ def children(node: ast.AST) -> tuple[ast.AST, ...]:
     return found
 
 
+def choices(node: ast.AST) -> list[ast.expr]:
+    """The expressions of which a conditional, an ``or`` or ``and``, or an item of a literal is one; else none."""
+    if isinstance(node, ast.IfExp):
+        return [node.body, node.orelse]
+    if isinstance(node, ast.BoolOp | ast.Dict):
+        return node.values
+    return node.elts if isinstance(node, ast.Tuple | ast.List) else []
+
+
 @cache
 def _parts(fields: tuple[str, ...]) -> tuple[str, ...]:
     """Those of the fields of a class of nodes that may have nodes."""

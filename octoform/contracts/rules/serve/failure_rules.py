@@ -19,7 +19,7 @@ from octoform.contracts.rules.serve.value_rules import stored_members
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Spent, Unsure, World
 from octoform.contracts.server_code.failing_evaluator import FAULTS, NEUTRAL, FailingEvaluator, Swallowed
 from octoform.contracts.server_code.flow import Flow
-from octoform.contracts.server_code.origins import Origin
+from octoform.contracts.server_code.origins import ADDS, Origin
 from octoform.contracts.server_code.server_evaluator import ways
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
@@ -51,7 +51,6 @@ def nothing_instead(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 
 _FAILED = re.compile(r"(?i)(?:^|_)(?:unread\w*|fail\w*|errors?|missing|unavailable|skipped|silent|absent|dead)(?:$|_)")
 """Members of a result that list what gave no reading."""
-_FILLS = frozenset({"append", "extend", "insert", "add", "update"})
 
 
 def failed_unlisted(value: str, artifacts: Artifacts) -> list[Diagnostic]:
@@ -132,7 +131,7 @@ def _goes_on(handler: ast.ExceptHandler, node: ast.Try) -> bool:
 
 
 def _fills(call: ast.Call) -> bool:
-    return isinstance(call.func, ast.Attribute) and call.func.attr in _FILLS
+    return isinstance(call.func, ast.Attribute) and call.func.attr in ADDS
 
 
 def _makes(body: list[ast.stmt]) -> bool:
