@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 _REVISION = re.compile(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
 _DEPTH = 5
-SECONDS = 300
+SECONDS, LISTING_SECONDS = 300, 20
+"""How long a call of git may take, and how long the list of its settings, which reads some small files."""
 _OFF = (
     *("core.fsmonitor=false", f"core.hooksPath={os.devnull}", "core.pager=cat", "core.editor=:", "core.askPass="),
     *("core.sshCommand=false", "core.gitProxy=", "core.alternateRefsCommand=false", "credential.helper="),
@@ -44,10 +45,11 @@ _FIXED = {
 _INHERITED = (
     *("GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE", "GIT_COMMON_DIR", "GIT_OBJECT_DIRECTORY", "GIT_SHALLOW_FILE"),
     *("GIT_ALTERNATE_OBJECT_DIRECTORIES", "GIT_QUARANTINE_PATH", "GIT_INTERNAL_SUPER_PREFIX", "GIT_NAMESPACE"),
-    *("GIT_ICASE_PATHSPECS", "GIT_GLOB_PATHSPECS", "GIT_NOGLOB_PATHSPECS"),
+    *("GIT_ICASE_PATHSPECS", "GIT_GLOB_PATHSPECS", "GIT_NOGLOB_PATHSPECS", "GIT_CONFIG"),
 )
 """The variables with which a calling git, as in a hook, names its own repository, and those that say how names of files
-are read: none of them is about the repository that is asked for. With GIT_DIR git would also not check its owner."""
+are read: none of them is about the repository that is asked for. With GIT_DIR git would also not check its owner, and
+with GIT_CONFIG it lists other settings than those that it obeys."""
 _PROGRAM = (
     r"(?s)(filter\..*\.(clean|smudge|process|required)|diff\..*\.(command|textconv)|merge\..*\.driver|gpg\.(.*\.)?program"
     r"|gpg\.ssh\.defaultkeycommand|trailer\..*\.(cmd|command)|credential\..*\.helper)"
@@ -151,19 +153,23 @@ class Setting:
 
 
 def settings(root: str, environment: Mapping[str, str]) -> list[Setting]:
-    """All that git reads for the repository, in its order, with what is included; none where it cannot be read.
+    """All that git reads for the repository, in its order, with what is included.
 
-    OSError where there is no git, RepositoryRefused where git is too old to name the scopes, or would wait.
+    OSError where there is no git, RepositoryRefused where git is too old to name the scopes, would wait, or cannot read
+    them: which programs they name is not known then.
     """
     blocking = _blocking(Path(root))
     if blocking is not None:
         raise RepositoryRefused(f"{blocking!r} is a pipe or a device, and git would wait for it")
-    done = run(root, [*_words(root), "config", "--show-scope", "--show-origin", "--list", "-z"], environment)
+    words = [*_words(root), "config", "--show-scope", "--show-origin", "--list", "-z"]
+    done = run(root, words, environment, LISTING_SECONDS)
     if done.returncode == _MISUSED:
         raise RepositoryRefused(
             "this git is older than 2.26 and does not show the scope of a setting; install a newer one"
         )
-    fields = iter(done.stdout.decode(errors="surrogateescape").split("\0") if done.returncode == 0 else ())
+    if done.returncode != 0:
+        raise RepositoryRefused(done.stderr.decode("utf-8", "replace").strip() or "git cannot read its settings")
+    fields = iter(done.stdout.decode(errors="surrogateescape").split("\0"))
     found = (
         (scope, origin, entry.partition("\n")) for scope, origin, entry in zip(fields, fields, fields, strict=False)
     )
@@ -199,14 +205,19 @@ def _words(root: str) -> list[str]:
 
 
 def _blocking(root: Path) -> str | None:
-    """A pipe or a device among the files in which git keeps what it reads at every call; objects are not looked at."""
+    """A pipe or a device among the files in which git keeps what it reads at every call.
+
+    Of the objects only what leads to them is looked at: there may be a million.
+    """
     found = repository(root)
     if found is None:
         return None
     shared = _line(found.folder / "commondir")
     for start in (found.folder, *([found.folder / shared] if shared is not None else [])):
         for place, folders, files in os.walk(start):
-            folders[:] = [name for name in folders if name not in ("objects", "modules", "worktrees")]
+            if os.path.basename(place) == "objects":  # noqa: PTH119 - there may be thousands
+                folders[:] = [name for name in folders if name in ("info", "pack")]
+            folders[:] = [name for name in folders if name not in ("modules", "worktrees")]
             for name in files:
                 path = os.path.join(place, name)  # noqa: PTH118 - there may be thousands
                 if blocks(path):
@@ -215,12 +226,16 @@ def _blocking(root: Path) -> str | None:
 
 
 def blocks(path: str | Path) -> bool:
-    """Whether opening ``path`` as a file may wait for somebody else; a link is judged by what it names."""
+    """Whether opening ``path`` as a file may wait for somebody else; a link is judged by what it names.
+
+    What names the empty device means no file: people switch off their list of ignored files by it.
+    """
     try:
-        mode = os.stat(path).st_mode  # noqa: PTH116 - see `_blocking`
+        facts = os.stat(path)  # noqa: PTH116 - see `_blocking`
     except (OSError, ValueError):
         return False  # git reports what is not there, or is closed to this user
-    return stat.S_ISFIFO(mode) or stat.S_ISCHR(mode) or stat.S_ISBLK(mode)
+    special = stat.S_ISFIFO(facts.st_mode) or stat.S_ISCHR(facts.st_mode) or stat.S_ISBLK(facts.st_mode)
+    return special and not os.path.samestat(facts, os.stat(os.devnull))  # noqa: PTH116
 
 
 def call(root: str, arguments: list[str], environment: Mapping[str, str] | None = None) -> "CompletedProcess[bytes]":
@@ -231,7 +246,9 @@ def call(root: str, arguments: list[str], environment: Mapping[str, str] | None 
     return run(root, [*command(root, settings(root, variables)), *arguments], variables)
 
 
-def run(root: str, words: list[str], environment: Mapping[str, str]) -> "CompletedProcess[bytes]":
+def run(
+    root: str, words: list[str], environment: Mapping[str, str], seconds: int | None = None
+) -> "CompletedProcess[bytes]":
     """Run these words, of which `command` gives the first, in our variables, those that keep git from asking, fetching
     and editing, and those of the call."""
     from subprocess import CompletedProcess
@@ -251,7 +268,7 @@ def run(root: str, words: list[str], environment: Mapping[str, str]) -> "Complet
             with_exceptions=False,
             stdout_as_string=False,
             strip_newline_in_stdout=False,
-            kill_after_timeout=SECONDS,
+            kill_after_timeout=seconds or SECONDS,
         )
     except GitCommandNotFound as problem:
         raise FileNotFoundError("there is no git program") from problem

@@ -59,6 +59,7 @@ _HOOKS = (
     *("p4-pre-submit", "post-index-change"),
 )
 """All that git runs from a folder of hooks (githooks(5))."""
+_FALSE = ("false", "no", "off", "0")
 _PLAINLY = {"GIT_LITERAL_PATHSPECS": "1"}
 _BEFORE_NAME = {"1": 8, "u": 10, "?": 1, "!": 1}
 """How many fields of an entry of `git status --porcelain=v2` lie before its name, by its kind."""
@@ -120,12 +121,14 @@ def _open(project: Path, paths: Iterable[Path] = ()) -> tuple[_Git | None, list[
     where = repository(project)
     if where is None:
         return None, []
-    waits = next((path for path in _read_by_git(where, project, paths) if blocks(path)), None)
-    if waits is not None:
-        return None, [_unusable(where, f"{display(waits)} is a pipe or a device, and git would wait for it")]
     root = str(where.root)
     try:
         found = settings(root, _PLAINLY)
+        named = (path for each in found if each.key in _FILES for path in _named(where.root, each))
+        read = (*_read_by_git(where, project, paths), *named)
+        waits = next((path for path in read if blocks(path)), None)
+        if waits is not None:
+            return None, [_unusable(where, f"{display(waits)} is a pipe or a device, and git would wait for it")]
         return _Git(where, found, command(root, found)), []
     except RepositoryRefused as problem:
         return None, [_unusable(where, str(problem))]
@@ -219,21 +222,20 @@ def configuration_files(project: Path) -> frozenset[Path]:
     for setting in listed:
         if not setting.origin.startswith("file:"):
             continue  # octoform's own words
-        source = where.root / setting.origin.removeprefix("file:")
-        found |= {source, *_named(where.root, source, setting.key, setting.value)}
+        found |= {where.root / setting.origin.removeprefix("file:"), *_named(where.root, setting)}
     return frozenset(Path(os.path.normpath(path)) for path in found)
 
 
-def _named(root: Path, source: Path, key: str, value: str) -> list[Path]:
+def _named(root: Path, setting: Setting) -> list[Path]:
     """The files that a setting names; an included one lies beside what includes it (git-config(1))."""
-    if not value:
+    if not setting.value:
         return []
-    home = os.path.expanduser(value)  # noqa: PTH111 - a user that is not there stays as it is written
-    if _INCLUDE.fullmatch(key):
-        return [source.parent / home]
-    if key == "core.hookspath":
+    home = os.path.expanduser(setting.value)  # noqa: PTH111 - a user that is not there stays as it is written
+    if _INCLUDE.fullmatch(setting.key):
+        return [(root / setting.origin.removeprefix("file:")).parent / home]
+    if setting.key == "core.hookspath":
         return [root / home / name for name in _HOOKS]
-    return [root / home] if key in _FILES else []
+    return [root / home] if setting.key in _FILES else []
 
 
 def versions(project: Path, folder: Path, most: int = 20) -> Iterator[dict[str, bytes]]:
@@ -334,8 +336,8 @@ def _stage(own: _Git, names: list[str]) -> tuple[list[str], list[Diagnostic]]:
     literal = own.given(GIT_LITERAL_PATHSPECS="0")
     patterns = [f":(top,literal){name}" for name in known]
     patterns.append(":(top,exclude,glob)**/__pycache__/**")
-    sparse = any(setting.key == "core.sparsecheckout" for setting in own.settings)
-    options = ["--sparse"] if sparse else []  # which git takes from 2.34 on
+    sparse = {setting.key: setting.value for setting in own.settings}.get("core.sparsecheckout", "false")
+    options = ["--sparse"] if sparse not in _FALSE else []  # which git takes from 2.34 on
     status, _, complaints = literal.run("add", "--all", *options, "--", *patterns)
     if status == 0:
         return known, []

@@ -352,6 +352,7 @@ def test_a_sparse_checkout_that_leaves_the_state_out(repo: Project, tracked: boo
     "name",
     [
         *(".git/index", ".git/config", ".git/packed-refs", ".git/refs/heads/main", ".git/logs/HEAD", ".git/shallow"),
+        *(".git/objects/info/alternates", ".git/objects/info/commit-graph", ".git/objects/pack/pack-1.idx"),
         *(".git/info/exclude", ".gitignore", ".gitattributes", ".mailmap", "state/bench/.gitignore"),
     ],
 )
@@ -401,6 +402,46 @@ def test_without_a_git_program(repo: Project) -> None:
     assert (run.stdout.strip(), run.returncode) == ("['GIT-UNUSABLE']", 0), run.stderr
 
 
+@pytest.mark.parametrize("key", ["core.excludesFile", "core.attributesFile", "mailmap.file"])
+def test_no_pipe_that_a_setting_names_holds_git_up(repo: Project, key: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = repo.write("state/a")
+    monkeypatch.setattr(git_access, "SECONDS", 5)  # this test's own patience
+    os.mkfifo(repo.root / "pipe")
+    repo.git("config", key, "pipe")
+    facts, [problem] = repository_facts(repo.root, [path])
+    assert facts is None and problem.code == "GIT-UNUSABLE" and "git would wait" in (problem.detail or "")
+    repo.git("config", key, os.devnull)  # which means none
+    facts, found = repository_facts(repo.root, [path])
+    assert found == [] and facts is not None
+
+
+def test_git_is_not_called_with_settings_that_it_cannot_list(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Which programs they name is not known: the next call may find what the list did not show."""
+    path = repo.write("state/a")
+    monkeypatch.setattr(git_access, "LISTING_SECONDS", 1)
+    os.mkfifo(repo.root / "more")
+    repo.git("config", "include.path", "../more")
+    called = repo.root.parent / "called"
+    script = f'#!/bin/sh\necho "$*" >> {called}\nexec {shutil.which("git")} "$@"\n'
+    repo.write("bin/git", script).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{repo.root / 'bin'}:{os.environ['PATH']}")
+    facts, [problem] = repository_facts(repo.root, [path])
+    revision, [refused] = commit(repo.root, [path], "m", {})
+    assert (facts, revision, problem.code, refused.code) == (None, None, "GIT-UNUSABLE", "GIT-UNUSABLE")
+    assert all(" config " in line for line in called.read_text().splitlines())
+
+
+def test_other_settings_than_those_that_it_obeys_are_not_listed(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = repo.write("state/a")
+    repo.write(".gitattributes", "* filter=own\n")
+    mark = repo.root.parent / "mark"
+    repo.git("config", "filter.own.clean", f"touch {mark}; cat")
+    monkeypatch.setenv("GIT_CONFIG", str(repo.write("other")))
+    committed(repo)
+    facts, found = repository_facts(repo.root, [path])
+    assert found == [] and facts is not None and not mark.exists()
+
+
 def test_with_a_git_that_shows_no_scope_no_setting_is_taken_for_the_persons(
     repo: Project, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -411,7 +452,12 @@ def test_with_a_git_that_shows_no_scope_no_setting_is_taken_for_the_persons(
     assert facts is None and problem.code == "GIT-UNUSABLE" and "older than 2.26" in (problem.detail or "")
 
 
-def test_a_git_that_has_no_option_for_a_sparse_checkout_commits(repo: Project, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("once_sparse", [False, True])
+def test_a_git_that_has_no_option_for_a_sparse_checkout_commits(
+    repo: Project, once_sparse: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if once_sparse:
+        repo.git("config", "core.sparseCheckout", "false")  # what `git sparse-checkout disable` leaves
     repo.write("state/bench/state.json")
     script = f'#!/bin/sh\ncase " $* " in *" --sparse "*) exit 129;; esac\nexec {shutil.which("git")} "$@"\n'
     former = repo.write("bin/git", script)
