@@ -29,7 +29,7 @@ from probe_cases import (
     TWIN,
     WIFI,
 )
-from server_edits import FILE, MAIN, adds, all_of, body, read_by, swap
+from server_edits import FILE, MAIN, adds, all_of, body, read_by, swap, uses
 from unseen_cases import every
 from wrong_interfaces import takes, tool
 
@@ -398,6 +398,12 @@ SERVE_RIGHT: dict[str, Any] = {
             adds("def taken(node, width, height):\n    return shot(node, width, height)"),
         ),
         "in a pair": picture((PASSED, "*(width, height))\nif")),
+        "by whatever keywords": picture(
+            (PASSED, "width=width, height=height)\nif"),
+            ("shot(node, width, height)", "shot(node, **size)"),
+            (WIDE, WIDE.replace(" width", " size['width']")),
+            (HIGH, HIGH.replace(" height", " size['height']")),
+        ),
         "in an object": all_of(
             picture((PASSED, "*Wish(width, height).both())\nif")),
             adds(
@@ -440,6 +446,21 @@ BOUNDS = """folder = ({}).parent
 value = float((folder / "temp1_input").read_text())
 low, high = float((folder / "temp1_min").read_text()), float((folder / "temp1_max").read_text())
 """
+PERIOD = "def period(rate):\n    return 1 / rate"
+CLOCK = "class Clock:\n    def period(self, rate):\n        return 1 / rate"
+
+
+def rates(low: str, high: str, *edits: Any) -> Any:
+    """The bounds of a period by the least and the highest rate, which its folder has as files."""
+    change, declares = span(
+        low,
+        high,
+        "folder = ({}).parent\nvalue = float((folder / 'temp1_input').read_text())\n"
+        "min_rate, max_rate = (float((folder / f'{{end}}_rate').read_text()) for end in ('min', 'max'))",
+    )
+    return all_of(*edits, change), declares
+
+
 SERIES = "values = [float(({}).read_text()) for _ in range(3)]\nvalue = values[-1]\n"
 SERVE_WRONG |= {
     f"members: {name}": case
@@ -504,11 +525,14 @@ SERVE_RIGHT |= {
         ),
         "the bounds": span("low / 1000", "high / 1000", BOUNDS),
         "the least and the most": span("min(values) / 1000", "max(values) / 1000", SERIES),
-        "the periods of two rates": span(
-            "1 / max_rate",
-            "1 / min_rate",
-            "folder = ({}).parent\nvalue = float((folder / 'temp1_input').read_text())\n"
-            "min_rate, max_rate = (float((folder / f'{{end}}_rate').read_text()) for end in ('min', 'max'))",
+        "the periods of two rates": rates("1 / max_rate", "1 / min_rate"),
+        "the periods of two rates, by a power": rates("max_rate ** -1", "min_rate ** -1"),
+        "the periods of two rates, by a library": rates(
+            "math.pow(max_rate, -1)", "math.pow(min_rate, -1)", uses("math")
+        ),
+        "the periods of two rates, by a function": rates("period(max_rate)", "period(min_rate)", adds(PERIOD)),
+        "the periods of two rates, by a method": rates(
+            "Clock().period(max_rate)", "Clock().period(min_rate)", adds(CLOCK)
         ),
         "the lowest of the highest": span("min(values) / 1000", "max(min(values), max(values)) / 1000", SERIES),
     }.items()

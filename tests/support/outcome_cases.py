@@ -128,6 +128,12 @@ SERVE_WRONG |= {
     "coarse: by a scale of the runtime": read_by(f"value = runtime.read_number({FILE}, 0.001)", "int(value)"),
 }
 SERVE_RIGHT: dict[str, Any] = {
+    "coarse: exact by a function, whole by the method of its name": temperature(
+        f"value = 1000 * degrees({RAW})",
+        more="def degrees(raw):\n    return raw / 1000\n\n\n"
+        "class Whole(int):\n    def degrees(self):\n        return self // 1000",
+    ),
+} | {
     f"set: {name}": case
     for name, case in {
         "all of it, by an object": all_of(adds(LAMP), light("Lamp(folder, maximum).shine(percent)")),

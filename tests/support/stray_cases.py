@@ -364,6 +364,16 @@ SERVE_RIGHT |= {
                 ),
             ),
         ),
+        "a wait that is counted down": (
+            body(
+                "read_input_events",
+                "while seconds > 0:\n    step = min(seconds, 0.5)\n    time.sleep(step)\n    seconds -= step\n"
+                + EVENTS.format("events", "seconds"),
+            ),
+            lambda interface: tool(interface, "read_input_events")["input_schema"]["properties"]["seconds"].update(
+                minimum=0
+            ),
+        ),
         "an even width": all_of(
             adds("def even(value):\n    return value // 2 * 2"),
             body("capture_image", PICTURE.format("even(width), height")),

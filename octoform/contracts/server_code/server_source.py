@@ -176,9 +176,15 @@ class Source:
         return found
 
     @cached_property
+    def called_by_name(self) -> Mapping[str, Function]:
+        """The functions that are no methods, nested ones too, by name; of several with one name, the last."""
+        of_classes = {each for item in self.classes for each in item.body}
+        return {item.name: item for item in self.functions if item not in of_classes}
+
+    @cached_property
     def top_functions(self) -> Mapping[str, Function]:
-        """The functions that no other one holds, by name; of several with one name, the last."""
-        return {item.name: item for item in self.functions if self.owner(item) is None}
+        """Those of them that no other one holds."""
+        return {name: item for name, item in self.called_by_name.items() if self.owner(item) is None}
 
     @cached_property
     def generators(self) -> frozenset[ast.AST]:

@@ -18,7 +18,7 @@ from octoform.contracts.rules.serve.reading_rules import flow_of_tools
 from octoform.contracts.rules.serve.tool_rules import served_tools, tool_functions, turns_pictures
 from octoform.contracts.rules.serve.value_rules import stored_members
 from octoform.contracts.server_code.computed_values import CLASS, Failed, Place, Spent, Unsure, World, is_unknown
-from octoform.contracts.server_code.origins import Origin
+from octoform.contracts.server_code.origins import Origin, last
 from octoform.contracts.server_code.server_evaluator import Evaluator
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
@@ -159,7 +159,7 @@ def _records(source: Source) -> dict[ast.AST, dict[str, ast.expr]]:
 def _shows(source: Source, node: ast.expr, one: frozenset[str], two: frozenset[str], depth: int = 4) -> int:
     """Which of two opposites the names in a value speak of: 1 or 2; 0 where they speak of neither, or of both."""
     found: set[int] = set()
-    if any(map(_turns, walk(node))):
+    if any(_turns(source, item) for item in walk(node)):
         return 0
     for item in walk(node):
         if isinstance(item, ast.Name):
@@ -175,12 +175,26 @@ def _shows(source: Source, node: ast.expr, one: frozenset[str], two: frozenset[s
     return found.pop() if len(found) == 1 else 0
 
 
-def _turns(node: ast.AST) -> bool:
+_TURNING = frozenset({"pow", "reciprocal", "truediv", "sub", "neg"})
+"""Functions of libraries that may do so."""
+
+
+def _turns(source: Source, node: ast.AST) -> bool:
     """Whether a value falls as a part of it grows, as `1 / rate` and `-level` do: the least comes of the most then."""
+    if isinstance(node, ast.Call):
+        own = [each for each in source.functions if each.name == last(node.func)]
+        return last(node.func) in _TURNING or any(_falls(item) for each in own for item in walk(each))
+    return _falls(node)
+
+
+def _falls(node: ast.AST) -> bool:
+    """Whether an operation subtracts a part that has a name, divides by it, or takes a power of it below nothing."""
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         part = node.operand
     elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Sub | ast.Div | ast.FloorDiv):
         part = node.right
+    elif isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow) and isinstance(node.right, ast.UnaryOp):
+        part = node.left
     else:
         return False
     return not isinstance(part, ast.JoinedStr) and any(isinstance(item, ast.Name) for item in walk(part))

@@ -334,7 +334,10 @@ def _cut(
     """(where, (argument, what is left of it)) where each use of a parameter is of what is left of it."""
     source = calls.source
     uses = [item for part in function.body for item in walk(part) if isinstance(item, ast.Name) and item.id == name]
-    if any(isinstance(item.ctx, ast.Store) for item in uses):
+    bound = [item for item in uses if isinstance(item.ctx, ast.Store)]
+    if any(isinstance(each, ast.For | ast.While) for item in bound for each, _ in source.above(item)):
+        return None  # it is counted down, and all of it is used
+    if bound:
         first = next(part for part in function.body if uses[0] in walk(part))
         example = _example([(each, calls.number(first, name, each)) for each in tried])
         return (first, example) if example is not None else None

@@ -14,7 +14,14 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.movement_words import is_time
 from octoform.contracts.name_clues import is_passthrough, tokens
 from octoform.contracts.server_code.script_header import interface_errors
-from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
+from octoform.contracts.server_code.server_source import (
+    Function,
+    Source,
+    imported_modules,
+    needed_source,
+    parameters,
+    walk,
+)
 from octoform.diagnostics import Diagnostic, Span, as_warning, error
 from octoform.records import dataclass
 
@@ -166,7 +173,7 @@ HELPERS = 4
 def arguments_crossed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool passes each argument on under its own name: no two of them in each other's place."""
     source = needed_source(value)
-    own = {item.name: item for item in source.functions}
+    own = source.called_by_name
     hint = "pass each argument to the parameter of its own name"
     out = []
     for site, tool in served_tools(source, artifacts):
@@ -233,7 +240,7 @@ def is_used(source: Source, function: Function, name: str, depth: int = HELPERS)
 
 def passed_on(source: Source, use: ast.Name) -> tuple[Function, list[str]] | None:
     """The function of the file that the name is an argument of a call of, and the parameters that get it."""
-    own: dict[str, Function] = {item.name: item for item in source.functions}
+    own = source.called_by_name
     call: ast.AST | None = source.parents.get(use)
     while isinstance(call, ast.keyword | ast.Starred | ast.Tuple | ast.List):
         call = source.parents.get(call)
@@ -275,9 +282,9 @@ def _names_passed(own: Mapping[str, Function], call: ast.Call) -> set[tuple[str,
     if function is None or not all(isinstance(item, ast.Tuple | ast.List) for item in pairs):
         return set()
     given = [each for item in pairs if isinstance(item, ast.Tuple | ast.List) for each in item.elts]
-    names = [item.arg for item in (*function.args.posonlyargs, *function.args.args)]
-    passed = [*zip(names, given, strict=False), *((item.arg or "", item.value) for item in call.keywords)]
-    return {(name, item.id) for name, item in passed if isinstance(item, ast.Name)}
+    names, known, _, _ = parameters(function)
+    passed = [*zip(names, given, strict=False), *((item.arg, item.value) for item in call.keywords)]
+    return {(name, item.id) for name, item in passed if isinstance(item, ast.Name) and name in known}
 
 
 RULES = (
