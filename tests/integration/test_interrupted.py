@@ -228,7 +228,8 @@ def test_a_stop_beside_an_apply_holds(project: Project) -> None:
         applying.communicate()
     ended = Done(applying.returncode, out, err)
     assert ended.status == 1
-    assert "ENDPOINT-STOPPED" in ended.codes(), ended.text
+    ends = [each["diagnostic"] for each in ended.events() if each["type"] == "diagnostic"]
+    assert [each["severity"] for each in ends if each["code"] == "ENDPOINT-STOPPED"] == ["error"], ended.text
     layout = Layout(project.folder, project.host)
     assert record.is_marked(layout) and record.running(layout) is None
     assert project.stages_run().count("deploy") == 1

@@ -1,6 +1,6 @@
 """Apply: plan under the lock, show, ask, do, record. (Heavy.)"""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
 from dataclasses import asdict, field, replace
 from functools import cache, partial
@@ -380,7 +380,7 @@ class _Run:
             usage=RunUsage(**asdict(tally.usage)),
             seconds=seconds,
             failed=failed,
-            diagnostics=tuple([*found, *self._notices(artifacts), *self._uncovered(artifacts), *self._stopped()]),
+            diagnostics=tuple([*found, *self._notices(artifacts), *self._uncovered(artifacts), *self._stopped(found)]),
             funnel=None if self.request.destroy else funnel(artifacts),
             questions=() if self.request.destroy else device_knowledge.questions(artifacts, compiled.manifest.answers),
             endpoint=None if self.request.destroy or failed else endpoint(compiled.layout, artifacts),
@@ -400,9 +400,13 @@ class _Run:
             found = [*device_knowledge.offers(artifacts, compiled), *found]
         return [item for item in found if (item.code, item.summary) not in known]
 
-    def _stopped(self) -> list[Diagnostic]:
-        """That the endpoint does not run because a person stopped it, also meanwhile: a complete apply hides that."""
-        stopped = None if self.request.destroy else desired_state.refusal(self.outlook.compiled.layout)
+    def _stopped(self, found: Iterable[Diagnostic]) -> list[Diagnostic]:
+        """That the endpoint does not run because a person stopped it, also meanwhile: a complete apply hides that.
+
+        Where a stage ended by the stop, its error is the report of it.
+        """
+        reported = self.request.destroy or any(item.code == desired_state.STOPPED for item in found)
+        stopped = None if reported else desired_state.refusal(self.outlook.compiled.layout)
         return [] if stopped is None else [replace(stopped, severity=Severity.WARNING)]
 
     def _uncovered(self, artifacts: Mapping[str, Any]) -> list[Diagnostic]:
