@@ -201,13 +201,25 @@ def test_a_plain_word_of_a_product_may_name_a_parameter(product: str, parameter:
 
 
 @pytest.mark.parametrize(
-    ("names", "foreign_to_it"),
-    [(["left", "right"], False), (["1", "2"], False), (["Front", "rear"], False), (["woofer", "tweeter"], True)],
+    ("listed", "names", "own", "foreign_to_it"),
+    [
+        ("channels", ["left", "right"], [], False),
+        ("channels", ["1", "2"], [], False),
+        ("channels", ["Front", "rear"], [], False),
+        ("leds", ["red", "blue"], [], False),
+        ("formats", ["MJPG", "YUYV"], [], False),
+        ("modes", ["portrait", "macro"], [], False),
+        ("channels", ["woofer", "tweeter"], [], True),
+        ("channels", ["woofer", "tweeter"], ["Woofer"], False),
+    ],
 )
-def test_a_place_or_a_number_is_the_name_of_no_other_device(names: list[str], foreign_to_it: bool) -> None:
-    channels = {"channels": [{"name": name} for name in names]}
-    ability = {"name": "set_volume", "description": "Set the volume.", "parameters": channels}
-    of_ids = {"usb-sound": [ability], "usb-camera": []}
+def test_what_any_device_may_have_is_no_other_devices(
+    listed: str, names: list[str], own: list[str], foreign_to_it: bool
+) -> None:
+    rows = {listed: [{"name": name} for name in names]}
+    ability = {"name": "set_volume", "description": "Set the volume.", "parameters": rows}
+    taking = {"name": "capture_image", "description": "Take a picture.", "parameters": {"names": own}}
+    of_ids = {"usb-sound": [ability], "usb-camera": [taking]}
     devices = [{"id": each, "identified_as": "a device", "capabilities": has} for each, has in of_ids.items()]
     taken = {"type": "object", "properties": {"eye": {"type": "string", "enum": names}}}
     tool = {"name": "capture_image", "description": "Take a picture.", "capability": "capture_image"}

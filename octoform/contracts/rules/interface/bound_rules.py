@@ -15,7 +15,7 @@ from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
-from octoform.contracts.rules.interface.parameter_rules import takes_a_program
+from octoform.contracts.rules.interface.parameter_rules import strings_of, takes_a_program
 from octoform.diagnostics import Diagnostic, error
 
 MAX_WAIT = 60.0
@@ -155,7 +155,7 @@ def _name_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     out = []
     for index, tool in enumerate(value["tools"]):
         known = _parts_of(tool, artifacts)
-        text = "\n".join((*known, *_strings_of(tool, artifacts))).casefold()
+        text = "\n".join((*known, *strings_of(tool, artifacts))).casefold()
         for name, where, member in parameters_of(index, tool) if known else ():
             given = {str(item) for item in (*_list(member.get("enum")), member.get("const")) if isinstance(item, str)}
             strange = sorted(item for item in given - known - _ANY_OF if item.casefold() not in text)
@@ -466,14 +466,6 @@ def _parts_of(tool: JsonObject, artifacts: Artifacts) -> set[str]:
 def _is_of(name: str, tool: JsonObject, artifacts: Artifacts) -> bool:
     """Whether a parameter is called like what IDENTIFY lists: `led` of `leds`."""
     return any(member.removesuffix("s") in tokens(name) for member, _ in listed_of(tool, artifacts))
-
-
-def _strings_of(tool: JsonObject, artifacts: Artifacts) -> Iterator[str]:
-    """What PROBE and IDENTIFY have of a tool's devices, as text."""
-    for artifact in (artifacts.probe, artifacts.identify):
-        for device in (artifact or {}).get("devices", ()):
-            if device["id"] in tool["devices"]:
-                yield str(device)
 
 
 RULES = (

@@ -122,11 +122,12 @@ def _of_another_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
     for index, tool in enumerate(value["tools"]):
         own = {*tool["devices"]}
         others = set().union(*(names for each, names in units.items() if each not in own))
-        mine = set().union(*(names for each, names in units.items() if each in own))
+        mine = "\n".join(strings_of(tool, artifacts)).casefold()
         properties = tool["input_schema"].get("properties")
         for name, member in properties.items() if isinstance(properties, dict) else ():
             given = set(_choices(member)) if name != "device" and isinstance(member, Mapping) else set()
-            strange = given & units.keys() - own or (given if given <= others - mine else set())
+            parts = given if given <= others and not any(each.casefold() in mine for each in given) else set()
+            strange = given & units.keys() - own or parts
             if strange:
                 summary = (
                     f"{display(name)} of {display(tool['name'])} offers {listed(sorted(strange))}, of another device"
@@ -134,6 +135,14 @@ def _of_another_device(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
                 where = pointer("tools", index, "input_schema", "properties", name)
                 out.append(error("INTERFACE-PARAMETER-FOREIGN", summary, pointer=where, hint=hint))
     return out
+
+
+def strings_of(tool: JsonObject, artifacts: Artifacts) -> Iterator[str]:
+    """What PROBE and IDENTIFY have of a tool's devices, as text."""
+    for artifact in (artifacts.probe, artifacts.identify):
+        for device in (artifact or {}).get("devices", ()):
+            if device["id"] in tool["devices"]:
+                yield str(device)
 
 
 def _choices(member: Mapping[str, Any]) -> Iterator[str]:
@@ -145,17 +154,51 @@ def _choices(member: Mapping[str, Any]) -> Iterator[str]:
 
 _SHARED = frozenset(
     {"left", "right", "front", "rear", "back", "top", "bottom", "upper", "lower", "center", "centre"}
-    | {"main", "first", "second", "none", "all"}
+    | {"main", "first", "second", "none", "all", "auto", "manual", "on", "off", "high", "low", "normal"}
+    | {
+        "red",
+        "green",
+        "blue",
+        "white",
+        "yellow",
+        "orange",
+        "amber",
+        "cyan",
+        "magenta",
+        "purple",
+        "black",
+        "grey",
+        "gray",
+    }
 )
-"""Names that a part of any device may have."""
+"""Names that a part or a choice of any device may have: places, colours, states."""
+_PARTS = frozenset(
+    {"lights", "leds", "lamps", "backlights", "panels", "screens", "displays", "indicators", "zones", "channels"}
+    | {"inputs", "outputs", "ports", "relays", "switches", "valves", "pumps", "fans", "heaters", "motors", "servos"}
+    | {
+        "joints",
+        "axes",
+        "sensors",
+        "probes",
+        "rails",
+        "supplies",
+        "slots",
+        "drives",
+        "lines",
+        "pins",
+        "keys",
+        "controls",
+    }
+)
+"""Words of lists of IDENTIFY whose rows are parts of a device, and not its formats or modes."""
 
 
 def _units(device: JsonObject) -> Iterator[str]:
     """The names of lights, channels and other parts that IDENTIFY lists of a device, without those of any device."""
     for ability in device["capabilities"]:
-        for rows in (ability.get("parameters") or {}).values():
-            records = (row for row in rows if isinstance(row, dict)) if isinstance(rows, list) else ()
-            names = (str(row["name"]) for row in records if row.get("name"))
+        for word, rows in (ability.get("parameters") or {}).items():
+            parts = isinstance(rows, list) and not _PARTS.isdisjoint(tokens(word))
+            names = (str(row["name"]) for row in rows if isinstance(row, dict) and row.get("name")) if parts else ()
             yield from (name for name in names if not name.isdecimal() and name.casefold() not in _SHARED)
 
 
