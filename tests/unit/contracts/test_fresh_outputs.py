@@ -21,9 +21,9 @@ from cases import for_each
 from server_edits import Absent, complete
 
 from octoform.builtin.scan import beside
-from octoform.contracts.contract_check import check
+from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts, HostScan
-from octoform.diagnostics import Diagnostic, Severity
+from octoform.diagnostics import Diagnostic, Severity, has_errors
 
 pytestmark = pytest.mark.dear
 
@@ -47,8 +47,8 @@ def identified(where: str, change: Any) -> Found:
     return check("identify", value, given, SCHEMAS)
 
 
-def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
-    """The judgement of the first server that has what the change is about.
+def served(change: Any, hosts: Sequence[Artifacts], *, whole: bool) -> Found:
+    """The judgement of the first server that has what the change is about, or the first rule's that finds an error.
 
     A pair is a change of the server, and one of INTERFACE.
     """
@@ -58,7 +58,11 @@ def served(change: Any, hosts: Sequence[Artifacts]) -> Found:
             server = complete(edit(known.serve))
             interface = copy.deepcopy(known.interface)
             declares(interface)
-            return check("serve", server, replace(known, interface=interface), SCHEMAS)
+            artifacts = replace(known, interface=interface)
+            if whole:
+                return check("serve", server, artifacts, SCHEMAS)
+            each = (rule.check(server, artifacts) for rule in RULES["serve"])
+            return next((found for found in each if has_errors(found)), [])
     raise AssertionError("no server has what the change is about")
 
 
@@ -81,7 +85,8 @@ def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
 
     return {
         "interface": interface,
-        "serve": lambda change: served(change, hosts),
+        "serve": lambda change: served(change, hosts, whole=True),
+        "refusal": lambda change: served(change, hosts, whole=False),
         "deploy": deploy,
     }
 
@@ -104,8 +109,9 @@ def of_all(kind: str) -> dict[str, tuple[str, Any]]:
 WRONG, RIGHT = of_all("WRONG"), of_all("RIGHT")
 
 
-def judged(case: str, where: str, change: Any, judges: dict[str, Judge]) -> Found:
+def judged(case: str, where: str, change: Any, judges: dict[str, Judge], *, wrong: bool = False) -> Found:
     stage = case.partition(":")[0]
+    stage = "refusal" if wrong and stage == "serve" else stage
     found = {"probe": probed, "identify": identified}
     all_found = found[stage](where, change) if stage in found else judges[stage](change)
     return [item for item in all_found if item.severity is Severity.ERROR]
@@ -113,7 +119,7 @@ def judged(case: str, where: str, change: Any, judges: dict[str, Judge]) -> Foun
 
 @for_each("case", WRONG, parts=8)
 def test_a_wrong_output_is_refused(case: str, judges: dict[str, Judge]) -> None:
-    found = judged(case, *WRONG[case], judges)
+    found = judged(case, *WRONG[case], judges, wrong=True)
     assert found
     assert all(item.hint or item.code.endswith(("-SCHEMA", "STATUS-ERROR")) for item in found)
 
