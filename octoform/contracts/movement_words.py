@@ -246,26 +246,31 @@ def _forms() -> dict[str, tuple[str, str]]:
 # What a person's answer gives of a device on a raw line: its bounds, and how it stops.
 
 _FIGURE = r"(?<![\w.,-])[-+\u2212\u00b1]?\d+(?:[.,]\d+)?(?![\w-])"
-_WITH_UNIT = r"(?<![\w.,-])([-+\u2212\u00b1]?\d+(?:[.,]\d+)?)"
+_NUMBER = r"(?<![\w.,-])([-+\u2212\u00b1]?\d+(?:[.,]\d+)?)"
 _UNIT = r"(?:\s?(?:\u00b0|%|[a-z\u00b5]{1,12}))?"
 _TO = r"\s*(?:\.\.+|\u2026|-|\u2013|\u2014|~|to|up to|bis|\u00e0|a|hasta|fino a|tot|til|till|do|\u0434\u043e)\s*"
-_RANGE = re.compile(rf"(?i){_WITH_UNIT}{_UNIT}{_TO}([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])")
+_RANGE = re.compile(rf"(?i){_NUMBER}{_UNIT}{_TO}([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])")
 _BETWEEN = re.compile(
-    rf"(?i)\b(?:between|zwischen|entre|tra)\s+{_WITH_UNIT}{_UNIT}\s*(?:and|und|et|y|e)\s*([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])"
+    rf"(?i)\b(?:between|zwischen|entre|tra)\s+{_NUMBER}{_UNIT}\s*(?:and|und|et|y|e)\s*([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])"
 )
 _ENDS = re.compile(
-    rf"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{{1,3}}{_WITH_UNIT}[^.;\n\d]{{0,24}}?"
+    rf"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{{1,3}}{_NUMBER}[^.;\n\d]{{0,24}}?"
     r"\b(?:at most|max(?:imum|imal)?|no more than|h\u00f6chstens)\W{1,3}([-+\u2212]?\d+(?:[.,]\d+)?)"
 )
+_PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*[,;]\s*([-+\u2212]?\d+(?:[.,]\d+)?)\s*[\])]")
+_SPANS = (_BETWEEN, _RANGE, _ENDS, _PAIR)
+"""The ways to write a range: "between 10 and 90", "0 to 4095", "at least 10, at most 90", "[0, 100]"."""
+_GROUPED = re.compile(r"(?<![\w.,])[1-9]\d{0,2}(?:[,'\u2019\u00a0\u202f]\d{3})+(?![\d\w])")
+"""A number in groups of three digits: 4,095 is no decimal fraction, as 1,5 is one."""
 _LEAST = re.compile(r"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{1,3}$")
 _MOST = re.compile(
     rf"(?i)\b(?:at most|no (?:more|further|faster|higher) than|not (?:more than|above|over|beyond)"
-    r"|never (?:above|over|beyond)|up to|below"
+    r"|never (?:above|over|beyond)|exceeds?|exceeding|up to|below"
     rf"|max(?:imum|imal)?|limit(?:s|ed)?|at least|min(?:imum|imal)?|h\u00f6chstens|mindestens)\b"
-    rf"[^\d.;\n]{{0,20}}{_WITH_UNIT}"
+    rf"\.?[^\d.;\n]{{0,20}}{_NUMBER}"
 )
 _MEASURED = re.compile(
-    rf"(?i){_WITH_UNIT}\s?(?:\u00b0|%|(?:degrees?|deg|grad|percent|prozent|rad|mm|cm|m|\u00b5m|rpm|ms|s|secs?|seconds?"
+    rf"(?i){_NUMBER}[\s-]?(?:\u00b0|%|(?:degrees?|deg|grad|percent|prozent|rad|mm|cm|m|\u00b5m|rpm|ms|s|secs?|seconds?"
     r"|minutes?|steps?|ticks?|counts?|turns?|channels?|relays?|outputs?|switch(?:es)?|valves?|lamps?|kan\u00e4le|n|nm|g|kg"
     r"|ml|l|bar|kpa|ma)\b)"
 )
@@ -285,7 +290,7 @@ _BOTH_WAYS = re.compile(
     r"(?i)\u00b1|\+/-|plus or minus|either (?:way|side|direction)|each (?:way|side)|both (?:ways|sides|directions)"
 )
 _STOPPING = re.compile(
-    r"(?i)\b(?:stop(?:s|ped|ping)?(?!\W{0,2}bits?\b)|stopp(?:t|en)|halt(?:s|ed|en)?|releas(?:e|es|ed|ing)(?!\W+v?\d)"
+    r"(?i)\b(?:stop(?:s|ped|ping)?(?!\W{0,2}bits?\b)|stopp(?:t|en)?|halt(?:s|ed|en)?|releas(?:e|es|ed|ing)(?!\W+v?\d)"
     r"|emergency|e-?stop|not-?aus|not-?halt|anhalten|(?:ab|aus)(?:ge)?schalte[nt]|abort(?:s|ed)?|brakes?|unplug(?:s|ged)?"
     r"|power(?:s|ed)? down|shut(?:s)? down|torque 0|off(?!\W(?:the\W)?shelf)|arr\u00eat\w*|parar|parada|detener"
     r"|fermare|arresto)\b"
@@ -303,7 +308,7 @@ def lacking(answer: str, translated: bool = False) -> list[str]:
     in words that no list here has, and a number is enough.
     """
     text = _bounding(answer)
-    limits = any(each.search(text) for each in (_RANGE, _BETWEEN, _ENDS, _MOST, _MEASURED, _ON_OFF))
+    limits = any(each.search(text) for each in (*_SPANS, _MOST, _MEASURED, _ON_OFF))
     limits = limits or (translated and re.search(_FIGURE, text) is not None)
     return [
         *([] if limits else ["limits"]),
@@ -327,19 +332,21 @@ def within_answer(number: float, answer: str) -> bool:
 
 
 def _bounding(answer: str) -> str:
+    """The answer with its counts as numbers, and without the numbers that bound nothing."""
     counted = _COUNTED.sub(lambda found: _COUNTS[found[1].casefold()], answer)
+    counted = _GROUPED.sub(lambda found: re.sub(r"\D", "", found[0]), counted)
     return _NOT_BOUNDS.sub(" ", counted)
 
 
 def _spans(text: str) -> Iterator[tuple[float, float]]:
     """The ranges of an answer; a number alone allows what is between nothing and itself, a least number itself."""
     rest = text
-    for pattern in (_BETWEEN, _RANGE, _ENDS):
+    for pattern in _SPANS:
         for found in pattern.finditer(rest):
             low, high = sorted(_number(each) for each in found.groups())
             yield (low, high)
         rest = pattern.sub(" ", rest)
-    for found in re.finditer(_WITH_UNIT, rest):
+    for found in re.finditer(_NUMBER, rest):
         number = _number(found[1])
         if _LEAST.search(rest[: found.start()]):
             yield (number, number)

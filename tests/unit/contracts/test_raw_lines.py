@@ -97,8 +97,13 @@ FULL: dict[str, tuple[str, tuple[dict[str, str], ...]]] = {
     "channels and a pulse": ("Acme Arm with eight relays, pulses of 500 ms, each goes off again", ()),
     "a sign and a unit": ("an Acme Arm, \u00b145\u00b0, pull the power: it halts", ()),
     "between two": ("an Acme Arm between 10 and 90 mm, HALT stops it", ()),
+    "most, shortened": ("an Acme Arm, max. 30, H stops it", ()),
+    "what it must not exceed": ("an Acme Arm, do not exceed 90; H stops it", ()),
+    "channels with a hyphen": ("Acme Arm, an 8-channel board, power off releases", ()),
+    "a pair in brackets": ("an Acme Arm, position in [0, 100], H stops it", ()),
     "what is denied is another thing": ("an Acme Arm, not above 90; H stops it", ()),
     "another language": ("ein Acme Arm, 0 bis 100, Not-Aus", ()),
+    "another language's noun": ("ein Acme Arm, 0 bis 100, Stopp mit S", ()),
     "another language, translated": ("ein Acme Arm, 0 bis 100, S bremst", (GERMAN,)),
 }
 
@@ -165,6 +170,11 @@ FROM_MEMORY: dict[str, tuple[str, dict[str, Any], str]] = {
     ),
     "the other way": ("an Acme Arm, at most 30 degrees, H halts", {"minimum": -30, "maximum": 30}, "position"),
     "more channels": ("Acme Arm with eight relays, off", {"type": "integer", "minimum": 1, "maximum": 16}, "relay"),
+    "a decimal comma as one of thousands": (
+        "ein Acme Arm, 0 bis 1,5 m, Not-Aus",
+        {"minimum": 0, "maximum": 1500},
+        "position",
+    ),
     "a level of what is on or off": ("Acme Arm, a relay, on and off", {"minimum": 0, "maximum": 100}, "level"),
 }
 OF_THE_ANSWER: dict[str, tuple[str, dict[str, Any], str]] = {
@@ -176,6 +186,7 @@ OF_THE_ANSWER: dict[str, tuple[str, dict[str, Any], str]] = {
     "channels in words": ("Acme Arm with eight relays, off", {"type": "integer", "minimum": 1, "maximum": 8}, "relay"),
     "a switch": ("Acme Arm, a relay, on and off", {"type": "boolean"}, "on"),
     "how long a call waits": (MOVES, {"minimum": 1, "maximum": 60}, "timeout_seconds"),
+    "in thousands": ("an Acme Arm, 0 to 4,095; STOP stops it", {"minimum": 0, "maximum": 4095}, "position"),
     "with a decimal comma": ("ein Acme Arm, 0 bis 1,5 m, Not-Aus", {"minimum": 0, "maximum": 1.5}, "position"),
 }
 RANGE = "INTERFACE-RANGE-UNFOUNDED"
