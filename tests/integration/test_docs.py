@@ -53,6 +53,21 @@ def test_each_divergence_of_the_lifecycle_is_reported_with_what_shows_it(topic: 
     assert shown and all(shown), "a row about it leads to the page that describes it"
 
 
+@pytest.mark.parametrize(
+    ("begin", "reported"),
+    [
+        ("| PROBE is a model's work", ["embedded agent", "unless the manifest names another", "](contracts.md)"]),
+        ("The core holds no hardware access, and yet", ["`octoform/runtime`", "imports the runtime", "no product"]),
+    ],
+)
+def test_a_divergence_of_the_architecture_is_reported_with_its_reason(begin: str, reported: list[str]) -> None:
+    parts = re.split(r"\n(?=\||\n)", (ROOT / "docs" / "paper.md").read_text())
+    [part] = [each for each in parts if each.strip().startswith(begin)]
+    assert [each for each in reported if each not in " ".join(part.split())] == []
+    named = re.findall(r"`(octoform/[\w/.]+)`", part)
+    assert all((ROOT / name).exists() for name in named)
+
+
 @pytest.mark.parametrize("path", DOCUMENTS, ids=lambda path: path.name)
 def test_commands_of_examples_exist(path: Path) -> None:
     for words in commands(path):

@@ -39,6 +39,7 @@ def test_a_first_prompt_holds_spec_schema_and_paths(stage: str) -> None:
     assert spec.schema is None or f"protocol/schemas/{spec.schema.name}" in text
     assert "200 seconds" in text
     assert ("at most 30 tools" in text) == (stage in ("identify", "interface"))
+    assert ("is here to be read: runtime\n" in text) == (stage == "serve")
     assert "spec.md" not in text
     assert len(text.encode()) < 16 * 1024
 
