@@ -448,6 +448,7 @@ SERVE_RIGHT |= {
             "round(100 * level / maximum, 1)",
             f"{LAMPS}actual = int((folder / 'actual_brightness').read_text())\n",
         ),
+        "rounded up": light(sets("-(-maximum * int(percent) // 100)")),
         "never wholly dark": light(sets("max(1, round(maximum * percent / 100))")),
         "the dark end refused": light(
             f"if percent < 1:\n    raise ToolError('at least one percent')\n{sets('round(maximum * percent / 100)')}"

@@ -296,7 +296,11 @@ class _Setting:
                 turned = True
             elif not isinstance(node.op, ast.Add | ast.Mult):
                 return None
-            turned = turned or (isinstance(node.op, ast.Mult | ast.Div) and any(map(_is_negative, self._parts(node))))
+            factors = zip(self._parts(node), parts, strict=True) if isinstance(node.op, ast.Mult | ast.Div) else ()
+            minus = (
+                isinstance(each, ast.UnaryOp) and isinstance(each.op, ast.USub) and not way for each, way in factors
+            )
+            turned = turned or any(minus)
         known = {item for item in parts if item != 0}
         if None in known or len(known) != 1:
             return None
@@ -362,10 +366,6 @@ class _Setting:
 
 
 _BY_CALLER = Origin.ARGUMENT | Origin.DEVICE
-
-
-def _is_negative(node: ast.expr) -> bool:
-    return isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and isinstance(node.operand, ast.Constant)
 
 
 @lru_cache(maxsize=64)
