@@ -364,6 +364,11 @@ SERVE_RIGHT |= {
                 ),
             ),
         ),
+        "a wait that the caller may omit": body(
+            "read_input_events",
+            "limit = seconds if seconds is not None else 5.0\nif limit is None:\n    limit = 1.0\n"
+            + EVENTS.format("events", "limit"),
+        ),
         "a wait that is counted down": (
             body(
                 "read_input_events",

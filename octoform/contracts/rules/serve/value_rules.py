@@ -219,7 +219,7 @@ class _Substitutes:
 
     def at(self, node: ast.AST) -> Iterator[tuple[ast.AST, str]]:
         """(where, for what) of the number at one node."""
-        if self._orders(node):
+        if self._replaces_no_reading(node):
             return
         if isinstance(node, ast.Try):
             yield from self._after_failure(node)
@@ -236,7 +236,7 @@ class _Substitutes:
             yield from (*self._chosen(node), *self._in_a_mode(node))
         elif isinstance(node, ast.If):
             yield from self._in_a_mode(node)
-            absent = _tests_none(node.test) and not _is_optional(node.test)
+            absent = _compares_none(node.test, ast.Is) and not _is_optional(node.test)
             body = [item for item in node.body if self._gives_number(item)] if absent else []
             body += [] if absent else [item for item in node.body if self._is_substitute(node.test, item)]
             body += self._instead(node)
@@ -287,10 +287,13 @@ class _Substitutes:
         results += self._flow.results(own[0]) if len(own) == 1 else []
         return bool(results) and all(self._is_number(item, depth - 1) for item in results)
 
-    def _orders(self, node: ast.AST) -> bool:
-        """Whether a node lies in a key by which a list is sorted: it decides on a place, and is in no result."""
+    def _replaces_no_reading(self, node: ast.AST) -> bool:
+        """Whether a node is about an argument that the caller omitted, or lies in a key by which a list is sorted."""
+        test = node.test if isinstance(node, ast.If | ast.IfExp) else None
+        asked = self._flow.of(test.left) if isinstance(test, ast.Compare) else Origin.NONE
+        omitted = bool(asked & Origin.ARGUMENT) and not asked & (Origin.FOUND | Origin.READ | Origin.SYSTEM)
         keys = (above for above, below in self._source.above(node) if isinstance(below, ast.Lambda))
-        return any(isinstance(above, ast.keyword) and above.arg == "key" for above in keys)
+        return omitted or any(isinstance(above, ast.keyword) and above.arg == "key" for above in keys)
 
     def _decides(self, node: ast.expr) -> bool:
         """Whether a value is compared or looked up, and is no part of a result itself."""
@@ -484,13 +487,9 @@ def _of_nothing(node: ast.expr, series: ast.expr | None = None) -> bool:
 
 
 def _branch_of_none(test: ast.expr, body: ast.expr, otherwise: ast.expr) -> ast.expr | None:
-    if _tests_none(test):
+    if _compares_none(test, ast.Is):
         return body
     return otherwise if _compares_none(test, ast.IsNot) else None
-
-
-def _tests_none(test: ast.expr) -> bool:
-    return _compares_none(test, ast.Is)
 
 
 def _compares_none(test: ast.expr, kind: type[ast.cmpop]) -> bool:
