@@ -87,7 +87,7 @@ def knock(layout: Layout) -> socket.socket | Diagnostic:
 
 
 def halted(layout: Layout) -> Diagnostic | None:
-    """ENDPOINT-DOWN for a process that a signal has stopped: its kernel takes every client, and no one answers.
+    """ENDPOINT-DOWN for a process that a signal has stopped: the kernel accepts clients for it, and nothing answers.
 
     A debugger stops a process for moments; only one that stays so counts.
     """

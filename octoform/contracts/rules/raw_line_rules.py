@@ -61,22 +61,22 @@ def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Dia
         if not known_by_a_person(device, artifacts) and RAW.issuperset(probed.get(device["id"], {}).get("classes", ()))
         for at, capability in enumerate(device["capabilities"])
         if capability["effect"] != "read"
-    ] + _answer_thin(value, artifacts)
+    ] + _answer_incomplete(value, artifacts)
 
 
-def _answer_thin(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+def _answer_incomplete(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """An answer that names a device and gives neither limits nor how it stops is no source of what acts there."""
-    thin = lines_thinly_answered(value, artifacts)
+    incomplete = lines_answered_incompletely(value, artifacts)
     return [
         error(
             CODE,
             f"{display(capability['name'])} acts on {display(device['id'])} through a raw line, "
-            f"and the owner's answer lacks {' and '.join(thin[device['id']])}",
+            f"and the owner's answer lacks {' and '.join(incomplete[device['id']])}",
             pointer=pointer("devices", index, "capabilities", at),
-            hint=f"leave it out; {thin_cure(device['id'])}",
+            hint=f"leave it out; {cure_of_answer(device['id'])}",
         )
         for index, device in enumerate(value["devices"])
-        for at, capability in enumerate(device["capabilities"] if device["id"] in thin else ())
+        for at, capability in enumerate(device["capabilities"] if device["id"] in incomplete else ())
         if capability["effect"] != "read"
     ]
 
@@ -181,7 +181,7 @@ def unsafe_known(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
         return []
     commanded = {device: name for device, name, _ in described(artifacts.identify, artifacts)}
     held = {device: name for name, facts in sorted(artifacts.profiles.items()) for device in facts.holds} | commanded
-    open_lines = lines_without_knowledge(artifacts).union(lines_thinly_answered(artifacts.identify, artifacts))
+    open_lines = lines_without_knowledge(artifacts).union(lines_answered_incompletely(artifacts.identify, artifacts))
     open_lines -= held.keys()
     out = []
     for index, item in enumerate(value["left_out"]):
@@ -242,7 +242,7 @@ def lines_answered(identify: JsonObject | None, artifacts: Artifacts) -> dict[st
     }
 
 
-def lines_thinly_answered(identify: JsonObject | None, artifacts: Artifacts) -> dict[str, list[str]]:
+def lines_answered_incompletely(identify: JsonObject | None, artifacts: Artifacts) -> dict[str, list[str]]:
     """Those of them whose answer is no source of what acts, each with what the answer lacks.
 
     Words for stopping in a language that octoform does not know count where evidence quotes them from the answer and
@@ -290,7 +290,7 @@ def cure(device: str, artifacts: Artifacts) -> str:
     return f"for its owner alone: {drafts}, `octoform answer {device}` records what it is"
 
 
-def thin_cure(device: str) -> str:
+def cure_of_answer(device: str) -> str:
     """The two ways to supply what an answer lacks, and what counts."""
     return (
         f'for its owner alone: `octoform answer {device} "..."` with limits (a range such as 0 to 4095, at most 30 '

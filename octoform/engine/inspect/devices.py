@@ -15,7 +15,7 @@ from typing import Any
 from octoform.base import files
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.model import Artifacts
-from octoform.contracts.rules.raw_line_rules import is_raw_line, lines_thinly_answered
+from octoform.contracts.rules.raw_line_rules import is_raw_line, lines_answered_incompletely
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
@@ -124,7 +124,7 @@ def _listed(
     followed = annotated if str(artifacts["probe"]["platform"]["os"]).casefold() == "linux" else ()
     lines = {device["id"] for device in artifacts["probe"]["devices"] if is_raw_line(device)}
     given = Artifacts(probe=dict(artifacts["probe"]), answers=answers)
-    thin = lines_thinly_answered(dict(artifacts["identify"]), given)
+    incomplete = lines_answered_incompletely(dict(artifacts["identify"]), given)
     now = attached(layout, environ, {device["id"]: classes_of(known.get(device["id"])) for device in followed})
     rows = tuple(
         Row(
@@ -139,7 +139,7 @@ def _listed(
             missing=str(device.get("missing") or ""),
             needs_profile=device["id"] in lines
             and "profile" not in device
-            and (device["method"] != "user_answer" or (device["category"] in _ACTS and device["id"] in thin)),
+            and (device["method"] != "user_answer" or (device["category"] in _ACTS and device["id"] in incomplete)),
         )
         for device in annotated
     )

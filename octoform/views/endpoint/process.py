@@ -17,7 +17,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.values import escape
 
 _STAYS = "  it stays stopped until octoform start or apply; other clients are refused"
-_PASSES = "  this could not be written down: the daemon, the next client or a boot may start it again"
+_PASSES = "  the stop could not be recorded: the daemon, the next client or a boot may start it again"
 
 
 def started(console: Console, done: Started, *, as_json: bool) -> int:

@@ -28,7 +28,7 @@ def capability_without_tool(value: JsonObject, artifacts: Artifacts) -> list[Dia
     """Each capability has its tool, unless all of its devices are omitted for the budget, or as unsafe."""
     served = {tool["capability"] for tool in value["tools"]}
     open_lines = raw_line_rules.lines_without_knowledge(artifacts).union(
-        raw_line_rules.lines_thinly_answered(artifacts.identify, artifacts)
+        raw_line_rules.lines_answered_incompletely(artifacts.identify, artifacts)
     )
     unsafe = "what is not safe to serve is skipped with the reason unsafe, its `capability` named and why in `detail`; "
     return [
@@ -188,8 +188,11 @@ _HINTS = {
 
 def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool has the effect that IDENTIFY gave its capability, or a graver one where somebody knows its limits."""
-    effects, thin = effects_of(artifacts), raw_line_rules.lines_thinly_answered(artifacts.identify, artifacts)
-    lines = raw_line_rules.unknown_lines(artifacts).union(thin)
+    effects, incomplete = (
+        effects_of(artifacts),
+        raw_line_rules.lines_answered_incompletely(artifacts.identify, artifacts),
+    )
+    lines = raw_line_rules.unknown_lines(artifacts).union(incomplete)
     out = []
     for index, tool in enumerate(value["tools"]):
         wanted = effects.get(tool["capability"], tool["effect"])
@@ -198,7 +201,11 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 unknown = f"nothing declares how {display(device)} stops"
                 summary = f"{display(tool['name'])} is declared {tool['effect']}, and {unknown}"
                 hint = f"write {wanted}, as IDENTIFY has {tool['capability']}, and describe what that does; where it "
-                cure = raw_line_rules.thin_cure(device) if device in thin else raw_line_rules.cure(device, artifacts)
+                cure = (
+                    raw_line_rules.cure_of_answer(device)
+                    if device in incomplete
+                    else raw_line_rules.cure(device, artifacts)
+                )
                 hint += f"would act, skip it with the reason unsafe; {cure}"
                 where = pointer("tools", index, "effect")
                 out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))

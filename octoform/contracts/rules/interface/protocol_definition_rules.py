@@ -14,7 +14,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, described, doe
 from octoform.contracts.movement_words import spoken, within_answer
 from octoform.contracts.rules.interface.bound_rules import parameters_of
 from octoform.contracts.rules.interface.interface_rules import SPARED
-from octoform.contracts.rules.raw_line_rules import lines_answered, lines_thinly_answered
+from octoform.contracts.rules.raw_line_rules import lines_answered, lines_answered_incompletely
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 CODE, UNFOUNDED = "INTERFACE-GRAMMAR-DIFFERS", "INTERFACE-RANGE-UNFOUNDED"
@@ -46,10 +46,12 @@ def definition_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 def range_unfounded(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """The bounds of what acts through a raw line by an answer are numbers of the answer, or narrower."""
     answered = lines_answered(artifacts.identify, artifacts)
-    thin = lines_thinly_answered(artifacts.identify, artifacts)
+    incomplete = lines_answered_incompletely(artifacts.identify, artifacts)
     out = []
     for index, tool in enumerate(value["tools"]):
-        sources = {device: answered[device] for device in tool["devices"] if device in answered and device not in thin}
+        sources = {
+            device: answered[device] for device in tool["devices"] if device in answered and device not in incomplete
+        }
         for name, where, member in parameters_of(index, tool) if tool["effect"] != "read" else ():
             waits = _WAITS.intersection(spoken(name))
             for device, answer in sources.items() if not waits else ():

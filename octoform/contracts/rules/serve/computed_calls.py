@@ -32,7 +32,7 @@ class Calls:
         acting = {each for tool, root in self.served.values() if tool["effect"] != "read" for each in self._used(root)}
         # The calls that no tool which sets something makes: what they give is unknown, and no more than that.
         of_readings = frozenset(call for call, _ in source.calls if source.owner(call) not in acting)
-        self._known = _known(source, of_readings)
+        self._memo = _memo(source, of_readings)
 
     def _used(self, root: Function) -> list[Function]:
         return self.source.entered_from([root])
@@ -55,7 +55,7 @@ class Calls:
         What a program did is known to those only who look at its words (``programs``).
         """
         _, function = self.served[tool]
-        for call in ways(lambda choices: self._known.outcome(function, given, choices, world), _MAX_WAYS, whole=True):
+        for call in ways(lambda choices: self._memo.outcome(function, given, choices, world), _MAX_WAYS, whole=True):
             if call.unsure or (call.world.ran and not programs and not call.failed):
                 raise Unsure
             if not call.failed:
@@ -66,7 +66,7 @@ class Calls:
 
         None where it is no number, or not certainly the same one.
         """
-        evaluator = Evaluator(self.source, self.world(1000.0, 500.0, {}), [], self._known.harmless)
+        evaluator = Evaluator(self.source, self.world(1000.0, 500.0, {}), [], self._memo.harmless)
         try:
             known = {name: number}
             found = evaluator.run([node], known)[name] if isinstance(node, ast.stmt) else evaluator.value(node, known)
@@ -104,7 +104,7 @@ class _Next:
     by_text: dict[Any, "_Outcome | _Next"]
 
 
-class _Known:
+class _Memo:
     """The calls of a file that were computed, for all rules: the same call on the same texts does the same."""
 
     def __init__(self, source: Source, of_readings: frozenset[ast.Call]) -> None:
@@ -141,7 +141,7 @@ class _Known:
         return name == "time.sleep" or name.startswith("logging.") or only_reads(self._source, call, name)
 
 
-_known = lru_cache(maxsize=4)(_Known)
+_memo = lru_cache(maxsize=4)(_Memo)
 
 
 def arguments(tool: JsonObject, device: str, spared: str | None = None) -> Iterator[dict[str, Any]]:

@@ -290,7 +290,7 @@ _PARTS = (0, 0.001, 0.003, 0.01, 0.03, 0.1, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95, 1)
 
 
 def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
-    """A reading goes by the whole range of its argument, and so does a wait: none ends at a number of the server."""
+    """A reading uses the whole range of its argument, and so does a wait: none is cut off at a number of the server."""
     source = needed_source(value)
     calls = Calls(source, artifacts)
     hint = "use what the caller passes as it is; a smaller range belongs into INTERFACE, as minimum and maximum"
@@ -305,7 +305,7 @@ def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
             if found is None or (WISHED.search(member.get("description", "")) and not _cuts_default(member, found[1])):
                 continue
             node, (given, used) = found
-            summary = f"the tool {display(tool['name'])}, given {given:g} for {display(name)}, goes by {used:g}"
+            summary = f"the tool {display(tool['name'])}, given {given:g} for {display(name)}, uses {used:g}"
             out.setdefault(node, source.problem(CUT, node, summary, hint))
     return list(out.values())
 
