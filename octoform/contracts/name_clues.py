@@ -261,12 +261,14 @@ _CLASS = frozenset(_CLASS_WORDS.split())
 _PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
 _MAKER_LINE = re.compile(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
 _APPOSITION = re.compile(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
+_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_NO_WORD = re.compile(r"[^0-9a-z]+")
 
 
 def tokens(name: str) -> list[str]:
     """The lower-case words of a snake_case, kebab-case, dotted or camelCase name."""
-    spread = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", name)
-    return [word for word in re.split(r"[^0-9a-z]+", spread.casefold()) if word]
+    spread = _HUMP.sub("_", name)
+    return [word for word in _NO_WORD.split(spread.casefold()) if word]
 
 
 def is_passthrough(name: str) -> bool:

@@ -109,19 +109,15 @@ def members_exchanged(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     opposites = _OPPOSITES[1:] if turns_pictures(source) else _OPPOSITES  # the first are the sides of a picture
     out = []
     for node, members in _records(source).items():
-        known = [(name, each) for name, each in members.items() if name in returned]
-        for name, other in itertools.permutations(known, 2):
-            for one, two in opposites:
-                mine, its = {*tokens(name[0])} & one, {*tokens(other[0])} & two
-                alike = {*tokens(name[0])} - mine == {*tokens(other[0])} - its
-                if (
-                    mine
-                    and its
-                    and alike
-                    and _shows(source, name[1], one, two) == 2
-                    and _shows(source, other[1], one, two) == 1
-                ):
-                    summary = f"{display(name[0])} and {display(other[0])} have each other's value"
+        known = [(name, {*tokens(name)}, each) for name, each in members.items() if name in returned]
+        for one, two in opposites:
+            firsts = [(name, spoken - one, each) for name, spoken, each in known if spoken & one]
+            seconds = [(name, spoken - two, each) for name, spoken, each in known if spoken & two]
+            for (first, rest, mine), (second, same, its) in itertools.product(firsts, seconds):
+                if first == second or rest != same:
+                    continue
+                if _shows(source, mine, one, two) == 2 and _shows(source, its, one, two) == 1:
+                    summary = f"{display(first)} and {display(second)} have each other's value"
                     out.append(source.problem(OTHERWISE, node, summary, hint))
     return out
 
