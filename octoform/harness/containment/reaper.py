@@ -159,16 +159,20 @@ def children() -> set[int]:
     """The children of this process, zombies too, without a look at all others; none where the kernel has no list."""
     listed = [b""]
     try:
-        for task in os.scandir("/proc/self/task"):
-            handle = os.open(f"{task.path}/children", os.O_RDONLY)
+        tasks = [task.path for task in os.scandir("/proc/self/task")]
+    except OSError:
+        return set()
+    for task in tasks:
+        try:
+            handle = os.open(f"{task}/children", os.O_RDONLY)
             try:
                 while piece := os.read(handle, 1 << 16):
                     listed.append(piece)
                 listed.append(b" ")
             finally:
                 os.close(handle)
-    except OSError:
-        return set()  # no such list, or a thread that has just ended
+        except OSError:
+            continue  # a thread that has just ended, whose children another one has now; or no such list
     return set(map(int, b"".join(listed).split()))
 
 

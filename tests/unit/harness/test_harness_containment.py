@@ -2,18 +2,20 @@
 
 import ast
 import json
+import os
 import py_compile
 import stat
 import subprocess
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from unit.harness.harness_agents import alive, noted, python
 from waiting import until
 
-from octoform.harness.containment import contained_run
+from octoform.harness.containment import contained_run, reaper
 from octoform.harness.containment.contained_run import Ended
 
 Contained = Callable[..., Ended]
@@ -217,6 +219,16 @@ def test_a_log_that_is_a_link_is_refused(contained: Contained, tmp_path: Path) -
     with pytest.raises(OSError, match=r"task\.log"):
         contained(("true",))
     assert other.read_text() == "kept"
+
+
+def test_a_thread_that_ends_meanwhile_hides_no_child(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A child of ours that is not known as one would be ended with what an agent has left."""
+    gone, scan = SimpleNamespace(path="/proc/self/task/0"), os.scandir
+    monkeypatch.setattr(os, "scandir", lambda path: [gone, *scan(path), gone])
+    with subprocess.Popen(["sleep", "60"]) as ours:
+        found = reaper.children()
+        ours.kill()
+    assert ours.pid in found
 
 
 def test_no_descriptor_of_ours_is_left_open(contained: Contained) -> None:
