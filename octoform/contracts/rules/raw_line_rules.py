@@ -7,7 +7,7 @@ stated to read there speaks of nothing that moves and takes nothing that a devic
 """
 
 import re
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
@@ -82,9 +82,12 @@ def _answer_incomplete(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 
 
 def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
-    """A read on an undocumented line must not mention moving or changing something."""
-    out = []
-    for index, at, device, capability in _reading(value, artifacts):
+    """A read on an undocumented line must not mention moving or changing something.
+
+    An answer that bounds nothing frees no read of that: what must not act would be declared as one that reads.
+    """
+    incomplete, out = lines_answered_incompletely(value, artifacts), []
+    for index, at, device, capability in _reading(value, artifacts, incomplete):
         if device["id"] in artifacts.offered and not _only_listens(capability):
             continue  # one finding, and the graver one
         if _is_refused_elsewhere(capability):
@@ -93,7 +96,8 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             member, why = found
             summary = f"{display(capability['name'])} of {display(device['id'])} is declared read, and {why}"
             where = pointer("devices", index, "capabilities", at, member)
-            hint = f"omit it, or describe what it reads; {cure(device['id'], artifacts)}"
+            supply = cure_of_answer(device["id"]) if device["id"] in incomplete else cure(device["id"], artifacts)
+            hint = f"omit it, or describe what it reads; {supply}"
             out.append(error(READ, summary, pointer=where, hint=hint))
     return out
 
@@ -134,7 +138,8 @@ def profile_not_chosen(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
 
 def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A tool that reads on such a line reports that in its description, and its parameters only select."""
-    lines, out = unknown_lines(artifacts), []
+    incomplete, out = lines_answered_incompletely(artifacts.identify, artifacts), []
+    lines = unknown_lines(artifacts).union(incomplete)
     for index, tool in enumerate(value["tools"]):
         known = sorted(lines.intersection(tool["devices"]))
         if tool["effect"] != "read" or not known:
@@ -144,9 +149,8 @@ def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             where, why = found
             summary = f"{display(tool['name'])} is declared read on {display(known[0])}, and {why}"
             hint = "describe what it reads and let parameters only select it, or skip the capability as `unsafe`; "
-            out.append(
-                error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint + cure(known[0], artifacts))
-            )
+            hint += cure_of_answer(known[0]) if known[0] in incomplete else cure(known[0], artifacts)
+            out.append(error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint))
     return out
 
 
@@ -300,10 +304,13 @@ def cure_of_answer(device: str) -> str:
     )
 
 
-def _reading(value: JsonObject, artifacts: Artifacts) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
+def _reading(
+    value: JsonObject, artifacts: Artifacts, more: Collection[str] = ()
+) -> Iterator[tuple[int, int, JsonObject, JsonObject]]:
+    """(device's index, capability's index, device, capability) of each read on a line that no one knows, or on more."""
     lines = unknown_lines(artifacts)
     for index, device in enumerate(value["devices"]):
-        if device["id"] in lines and not known_by_a_person(device, artifacts):
+        if device["id"] in more or (device["id"] in lines and not known_by_a_person(device, artifacts)):
             for at, capability in enumerate(device["capabilities"]):
                 if capability["effect"] == "read":
                     yield index, at, device, capability

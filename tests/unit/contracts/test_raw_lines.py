@@ -137,6 +137,46 @@ def test_such_an_answer_is_enough_for_a_reading_and_beside_a_class() -> None:
     assert found(["tty"], "read", **named) == found(["leds"], **named) == []
 
 
+MOVES = "an Acme Arm: MOVE n, 0 to 100; STOP stops it"
+READS = {"name": "read_joint", "via": "a serial library", "effect": "read"}
+
+
+@pytest.mark.parametrize(
+    ("answer", "description", "refused"),
+    [
+        ("an Acme Arm", "Read where each joint is", False),
+        ("an Acme Arm", "Enable torque, then read the place of each joint", True),
+        (MOVES, "Enable torque, then read the place of each joint", False),
+    ],
+)
+def test_an_answer_that_bounds_nothing_lets_no_read_speak_of_moving(
+    answer: str, description: str, refused: bool
+) -> None:
+    """What must not be declared as acting is not served as one that reads."""
+    value, given = answered(answer, capabilities=[{**READS, "description": description}])
+    diagnostics = [
+        item for item in check("identify", value, given, SCHEMAS, "output.json") if "READ-MOVES" in item.code
+    ]
+    assert [item.code for item in diagnostics] == (["IDENTIFY-READ-MOVES"] if refused else [])
+    assert all("with limits" in str(item.hint) for item in diagnostics)
+
+
+@pytest.mark.parametrize(("answer", "refused"), [("an Acme Arm", True), (MOVES, False)])
+def test_such_an_answer_lets_no_tool_that_reads_take_a_goal(answer: str, refused: bool) -> None:
+    value = copy.deepcopy(INTERFACE)
+    value["left_out"] = [item for item in value["left_out"] if item["id"] != LINE]
+    tool: dict[str, Any] = {"name": "read_joint", "capability": "read_joint", "devices": [LINE], "effect": "read"}
+    tool |= {"description": "Read where the joint of the arm is, in degrees.", "annotations": READ}
+    place = {"type": "number", "minimum": 0, "maximum": 100, "description": "where to, in degrees"}
+    tool["input_schema"] = {"type": "object", "properties": {"position": place}, "required": ["position"]}
+    tool["input_schema"]["additionalProperties"] = False
+    tool["output_schema"] = {"type": "object", "properties": {"place_degrees": {"type": "number"}}}
+    value["tools"].append(tool)
+    before, known = answered(answer, capabilities=[{**READS, "description": "Read where each joint is"}])
+    diagnostics = check("interface", value, replace(known, identify=before), SCHEMAS, "output.json")
+    assert ("INTERFACE-READ-MOVES" in [item.code for item in diagnostics]) is refused
+
+
 def declared(answer: str, schema: dict[str, Any], name: str = "position", holds: str = "") -> list[Diagnostic]:
     """The findings on a tool that moves the answered arm to a place with this schema."""
     value = copy.deepcopy(INTERFACE)
@@ -153,7 +193,6 @@ def declared(answer: str, schema: dict[str, Any], name: str = "position", holds:
     return check("interface", value, replace(known, identify=before, profiles=profiles), SCHEMAS, "output.json")
 
 
-MOVES = "an Acme Arm: MOVE n, 0 to 100; STOP stops it"
 # The answer, the schema of the argument, and its name.
 FROM_MEMORY: dict[str, tuple[str, dict[str, Any], str]] = {
     "the range of another servo": (MOVES, {"minimum": 0, "maximum": 4095}, "position"),
