@@ -73,7 +73,7 @@ def _answer_incomplete(value: JsonObject, artifacts: Artifacts) -> list[Diagnost
             f"{display(capability['name'])} acts on {display(device['id'])} through a raw line, "
             f"and the owner's answer lacks {' and '.join(incomplete[device['id']])}",
             pointer=pointer("devices", index, "capabilities", at),
-            hint=f"leave it out; {cure_of_answer(device['id'])}",
+            hint=f"leave it out; {cure(device['id'], artifacts, incomplete)}",
         )
         for index, device in enumerate(value["devices"])
         for at, capability in enumerate(device["capabilities"] if device["id"] in incomplete else ())
@@ -96,8 +96,7 @@ def read_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             member, why = found
             summary = f"{display(capability['name'])} of {display(device['id'])} is declared read, and {why}"
             where = pointer("devices", index, "capabilities", at, member)
-            supply = cure_of_answer(device["id"]) if device["id"] in incomplete else cure(device["id"], artifacts)
-            hint = f"omit it, or describe what it reads; {supply}"
+            hint = f"omit it, or describe what it reads; {cure(device['id'], artifacts, incomplete)}"
             out.append(error(READ, summary, pointer=where, hint=hint))
     return out
 
@@ -149,7 +148,7 @@ def tool_moves(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             where, why = found
             summary = f"{display(tool['name'])} is declared read on {display(known[0])}, and {why}"
             hint = "describe what it reads and let parameters only select it, or skip the capability as `unsafe`; "
-            hint += cure_of_answer(known[0]) if known[0] in incomplete else cure(known[0], artifacts)
+            hint += cure(known[0], artifacts, incomplete)
             out.append(error(TOOL, summary, pointer=pointer("tools", index, *where), hint=hint))
     return out
 
@@ -284,24 +283,21 @@ def is_raw_line(device: JsonObject) -> bool:
     return bare and not _USB_CLASS.search(str(device.get("raw_descriptor", "")))
 
 
-def cure(device: str, artifacts: Artifacts) -> str:
-    """The way to supply the missing knowledge, in a sentence."""
+def cure(device: str, artifacts: Artifacts, incomplete: Collection[str] = ()) -> str:
+    """The way to supply the missing knowledge, in a sentence; of an incomplete answer also what counts."""
+    if device in incomplete:
+        return (
+            f'for its owner alone: `octoform answer {device} "..."` with limits (a range such as 0 to 4095, at most 30 '
+            'degrees, a number of channels, "on and off") and how it stops (stop, release, power off; words of another '
+            "language are quoted as evidence, and `says` names the language and that they mean stop), or "
+            f"`octoform profile new {device}` drafts a profile"
+        )
     if device in artifacts.offered:
         return (
             f"for its owner alone: `profiles: [{artifacts.offered[device]}]` in octopus.yaml, a profile that matches it"
         )
     drafts = f"`octoform profile new {device}` drafts a profile"
     return f"for its owner alone: {drafts}, `octoform answer {device}` records what it is"
-
-
-def cure_of_answer(device: str) -> str:
-    """The two ways to supply what an answer lacks, and what counts."""
-    return (
-        f'for its owner alone: `octoform answer {device} "..."` with limits (a range such as 0 to 4095, at most 30 '
-        'degrees, a number of channels, "on and off") and how it stops (stop, release, power off; words of another '
-        "language are quoted as evidence, and `says` names the language and that they mean stop), or "
-        f"`octoform profile new {device}` drafts a profile"
-    )
 
 
 def _reading(

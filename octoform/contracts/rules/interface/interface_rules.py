@@ -201,11 +201,7 @@ def effect_differs(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                 unknown = f"nothing declares how {display(device)} stops"
                 summary = f"{display(tool['name'])} is declared {tool['effect']}, and {unknown}"
                 hint = f"write {wanted}, as IDENTIFY has {tool['capability']}, and describe what that does; where it "
-                cure = (
-                    raw_line_rules.cure_of_answer(device)
-                    if device in incomplete
-                    else raw_line_rules.cure(device, artifacts)
-                )
+                cure = raw_line_rules.cure(device, artifacts, incomplete)
                 hint += f"would act, skip it with the reason unsafe; {cure}"
                 where = pointer("tools", index, "effect")
                 out.append(error("INTERFACE-EFFECT-DIFFERS", summary, pointer=where, hint=hint))
