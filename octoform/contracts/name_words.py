@@ -6,6 +6,7 @@ Letter case, plurals, marks and the joints of compounds do not matter ("QuickCam
 import re
 import unicodedata
 from collections.abc import Iterable, Sequence
+from functools import lru_cache
 
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
 _SPREAD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
@@ -36,13 +37,18 @@ def words(text: str) -> list[str]:
 
 def word_set(texts: Iterable[str]) -> frozenset[str]:
     """Every word of the texts, also run together with its neighbours, plurals folded."""
+    return frozenset().union(*map(_words_of, texts))
+
+
+@lru_cache(512)
+def _words_of(text: str) -> frozenset[str]:
+    """Those of one text: the rules about a device ask for its texts a dozen times."""
     found = set()
-    for text in texts:
-        plain = unicodedata.normalize("NFKC", _ESCAPE.sub(" ", text))
-        for spread in (plain, _SPREAD.sub(" ", plain)):
-            spoken = [word.casefold() for word in _WORD.findall(spread)]
-            for length in range(1, _MAX_RUN + 1):
-                found |= {"".join(spoken[at : at + length]) for at in range(len(spoken) - length + 1)}
+    plain = unicodedata.normalize("NFKC", _ESCAPE.sub(" ", text))
+    for spread in (plain, _SPREAD.sub(" ", plain)):
+        spoken = [word.casefold() for word in _WORD.findall(spread)]
+        for length in range(1, _MAX_RUN + 1):
+            found |= {"".join(spoken[at : at + length]) for at in range(len(spoken) - length + 1)}
     return frozenset(found | {_folded(word) for word in found})
 
 
