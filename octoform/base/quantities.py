@@ -47,7 +47,7 @@ _SPELLINGS: dict[str, str] = {
     **dict.fromkeys(("rad/s",), "rad/s"),
     **dict.fromkeys(("dbm",), "dBm"),
 }
-_LONG = tuple(word for word in _SPELLINGS if len(word) > 3)
+_LONG = tuple(word for word in _SPELLINGS if len(word) > 2)
 """Spellings that mean a unit wherever they are in a name or a sentence; the short ones only as a whole."""
 COUNTS = frozenset({"count", "counts", "index", "number", "raw", "step", "steps", "ticks", "total"})
 """Last words of members that count something, whatever unit their description mentions."""

@@ -360,3 +360,44 @@ def _spans(text: str) -> Iterator[tuple[float, float]]:
 
 def _number(text: str) -> float:
     return float(text.replace("\u2212", "-").replace("\u00b1", "").replace(",", "."))
+
+
+# Units that a sentence states something is in.
+
+_KNOWN_BY = {
+    **dict.fromkeys(("celsius",), "celsius|deg_?c|°c|\\bcel\\b"),
+    **dict.fromkeys(("fahrenheit",), "fahrenheit|deg_?f|°f"),
+    **dict.fromkeys(("kelvin",), "kelvin|_k\\b|[\"']k[\"']"),
+    **dict.fromkeys(("degrees", "radians"), "degree|\\bdeg|°|angle|radian|_rad\\b"),
+    **dict.fromkeys(("lux",), "lux|_lx\\b|illuminance"),
+    **dict.fromkeys(("lumens",), "lumen|_lm\\b"),
+    **dict.fromkeys(("percent",), "percent|%|pct"),
+    **dict.fromkeys(("kilobytes", "kb"), "kilobyte|kibibyte|_ki?b\\b"),
+    **dict.fromkeys(("megabytes", "mb"), "megabyte|mebibyte|_mi?b\\b"),
+    **dict.fromkeys(("gigabytes", "gb"), "gigabyte|gibibyte|_gi?b\\b"),
+    **dict.fromkeys(("milliseconds",), "millisecond|_ms\\b|\\bms\\b"),
+    **dict.fromkeys(("microseconds",), "microsecond|_us\\b|\\bus\\b"),
+    **dict.fromkeys(("millimetres", "millimeters", "mm"), "millimet|_mm\\b|\\bmm\\b"),
+    **dict.fromkeys(("centimetres", "centimeters", "cm"), "centimet|_cm\\b|\\bcm\\b"),
+    **dict.fromkeys(("inches",), "inch|_in\\b"),
+    **dict.fromkeys(("millivolts",), "millivolt|_mv\\b|\\bmv\\b"),
+    **dict.fromkeys(("milliamperes", "milliamps"), "milliamp|_ma\\b|\\bma\\b"),
+    **dict.fromkeys(("rpm",), "rpm|revolution"),
+}
+_IN_UNIT = re.compile(
+    r"(?i)\b(?:in|number of|amount of)\s+(?:whole\s+|degrees\s+(?=[ckf]))?("
+    + "|".join(sorted(_KNOWN_BY, key=len, reverse=True))
+    + r")\b"
+)
+_COMPARED = re.compile(r"(?i)\b(?:not|no|never|nor|instead|rather|neither|or|without)\b")
+
+
+def unknown_units(text: str, known: str) -> list[str]:
+    """The units in which a description has something, and that are nowhere in what is known: ``in gigabytes``."""
+    found, plain = [], ""
+    for each in _IN_UNIT.finditer(text):
+        sentence = re.split(r"[.;\n]", text[: each.start()])[-1]
+        plain = plain or known.casefold()
+        if not _COMPARED.search(sentence) and not re.search(_KNOWN_BY[each[1].casefold()], plain):
+            found.append(each[1])
+    return found

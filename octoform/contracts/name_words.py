@@ -9,7 +9,8 @@ from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
-_SPREAD = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
+_SPREAD = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][A-Za-z])")
+"""The joints of camel case; a single capital behind a digit is part of a model's number."""
 _WORD = re.compile(r"[^\W_]+")
 # Spellings in which a digit belongs to the word before or behind it, and identifies no model.
 _JOINED: tuple[tuple[re.Pattern[str], str], ...] = (
@@ -88,8 +89,9 @@ def is_proper(word: str, name: str) -> bool:
 
 
 def _folded(word: str) -> str:
-    """A word without the ending of a plural; what ends in double s is none."""
-    return word[:-1] if len(word) > 3 and word.endswith("s") and not word.endswith("ss") else word
+    """A word without the ending of a plural; what ends in double s is none, nor a number with a letter."""
+    plural = len(word) > 3 and word.endswith("s") and not word.endswith("ss") and not word[-2].isdigit()
+    return word[:-1] if plural else word
 
 
 def is_misspelt(name: str, other: str) -> bool:

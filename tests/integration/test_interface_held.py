@@ -84,9 +84,9 @@ WRONG: dict[str, tuple[Change, str, str]] = {
         "'fade'",
     ),
     "numbers of a list without bounds": (
-        takes("set_led", "colour", {"type": "array", "items": {"type": "integer"}, "maxItems": 3}),
+        takes("set_led", "levels", {"type": "array", "items": {"type": "integer"}, "maxItems": 3}),
         BOUNDS,
-        "'colour'",
+        "'levels'",
     ),
     "a wait of an hour": (
         takes(

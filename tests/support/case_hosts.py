@@ -15,7 +15,7 @@ from octoform.base.id_databases import IdDatabases
 from octoform.builtin.identify import identify
 from octoform.builtin.probe import probe_root
 from octoform.contracts.model import ProfileFacts
-from octoform.profiles import commands, devices_of, for_task
+from octoform.profiles import commands, definition, devices_of, for_task
 from octoform.profiles.profile_parser import load
 from octoform.simulation import rig as descriptions
 from octoform.simulation.rig import Rig
@@ -50,7 +50,10 @@ def host(name: str) -> Host:
     paths = [TOP / "profiles" / f"{each}.md" for each in ("so-arm101", "camera-rail")]
     profiles = load(paths if kind in _WITH_PROFILES and not bare else [])[0]
     held = {each.name: devices_of(each, probe, answers) for each in profiles}
-    facts = {each.name: ProfileFacts(each.name, held[each.name], each.limits, commands(each)) for each in profiles}
+    facts = {
+        each.name: ProfileFacts(each.name, held[each.name], each.limits, commands(each), each.product, definition(each))
+        for each in profiles
+    }
     databases = IdDatabases(root)
     lines = [for_task(each, held[each.name]) for each in profiles]
     registered = {

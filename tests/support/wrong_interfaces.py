@@ -223,7 +223,7 @@ def _right(value: Output) -> None:
         takes("set_led", "fade", {"anyOf": [{"type": "number", "minimum": 0, "maximum": 5}, {"type": "null"}]}),
         takes("set_led", "text", {**TEXT, "maxLength": 40, "default": ""}),
         takes("set_led", "label", {**TEXT, "pattern": "^[a-z]{1,8}$", "default": "a"}),
-        takes("set_led", "colour", {**TEXT, "pattern": "^#[0-9a-f]{6}$", "default": "#000000"}),
+        takes("set_led", "marker", {**TEXT, "pattern": "^#[0-9a-f]{6}$", "default": "#000000"}),
         takes(
             "set_led",
             "pattern",

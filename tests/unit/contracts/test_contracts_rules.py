@@ -511,6 +511,7 @@ def test_every_rule_has_a_code_of_its_stage_and_a_case_here() -> None:
         # in test_fresh_outputs
         "INTERFACE-RESULT-UNIT",
         "INTERFACE-RANGE-EMPTY",
+        "INTERFACE-RESULT-NARROW",
         "DEPLOY-FAILED-UNKNOWN",
         "DEPLOY-PROGRAMS-DIFFER",
         "DEPLOY-PYTHON-OUTSIDE",

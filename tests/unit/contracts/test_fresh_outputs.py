@@ -4,6 +4,7 @@ import copy
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
+from functools import cache
 from typing import Any
 
 import bent_cases as bent
@@ -16,14 +17,18 @@ import stray_cases as stray
 import unseen_cases as unseen
 import wrong_deploys
 from bench_host import desk, smallest_first, watched
-from case_hosts import SCHEMAS, host
+from case_hosts import SCHEMAS, TOP, host
 from cases import for_each
+from probe_cases import LINE
 from server_edits import Absent, complete
 
+from octoform.builtin.interface import declare
 from octoform.builtin.scan import beside
 from octoform.contracts.contract_check import RULES, check
 from octoform.contracts.model import Artifacts, HostScan
 from octoform.diagnostics import Diagnostic, Severity, has_errors
+from octoform.profiles import devices_of, for_task
+from octoform.profiles.profile_parser import load
 
 pytestmark = pytest.mark.dear
 
@@ -40,11 +45,39 @@ def probed(where: str, change: Any) -> Found:
 
 
 def identified(where: str, change: Any) -> Found:
-    known = host(where)
+    """The judgement of a change of a host's IDENTIFY; an answer about the serial line may stand behind its name."""
+    name, _, answer = where.partition(": ")
+    known = host(name)
     value: Any = copy.deepcopy(known.identified)
     change(value)
-    given = Artifacts(probe=known.probe, profiles=known.profiles, answers=known.answers, registered=known.registered)
+    answers = {**known.answers, **({LINE: answer} if answer else {})}
+    given = Artifacts(probe=known.probe, profiles=known.profiles, answers=answers, registered=known.registered)
     return check("identify", value, given, SCHEMAS)
+
+
+@cache
+def declared(where: str) -> Artifacts:
+    """INTERFACE of a host with profiles, or of the bench with its lamp, which an answer describes."""
+    name, _, answer = where.partition(": ")
+    known = host(name)
+    found: Any = copy.deepcopy(known.identified)
+    if answer:
+        stray.RIGHT_LAMP(found)
+    paths = [TOP / "profiles" / f"{each}.md" for each in known.profiles]
+    lines = [for_task(each, devices_of(each, known.probe, known.answers)) for each in load(paths)[0]]
+    interface = declare(found if not answer else known.identified, 30, lines)
+    if answer:
+        interface["left_out"] = [each for each in interface["left_out"] if each["id"] != LINE]
+        interface["tools"] += copy.deepcopy(stray.LAMP_TOOLS)
+    answers = {**known.answers, **({LINE: answer} if answer else {})}
+    return Artifacts(
+        probe=known.probe,
+        identify=found,
+        interface=interface,
+        profiles=known.profiles,
+        answers=answers,
+        registered=known.registered,
+    )
 
 
 def served(change: Any, hosts: Sequence[Artifacts], *, whole: bool) -> Found:
@@ -73,10 +106,12 @@ def judges(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Judge]:
     hosts = smallest_first([made(folder / made.__name__) for made in (watched, desk)], 30)
     known = hosts[-1]
 
-    def interface(change: Any) -> Found:
-        value = copy.deepcopy(known.interface)
+    def interface(case: Any) -> Found:
+        where, change = case if isinstance(case, tuple) else ("", case)
+        given = declared(where) if where else known
+        value = copy.deepcopy(given.interface)
         change(value)
-        return check("interface", value, known, SCHEMAS)
+        return check("interface", value, given, SCHEMAS)
 
     def deploy(change: Any) -> Found:
         value = copy.deepcopy(wrong_deploys.GOOD)

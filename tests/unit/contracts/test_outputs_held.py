@@ -142,5 +142,5 @@ def test_a_reading_over_an_unknown_line_takes_no_goal(known: Artifacts) -> None:
     assert severities("interface", value, behind) == {}
     taken["goal_position"] = {"type": "integer", "minimum": 0, "maximum": 4095, "default": 0}
     assert severities("interface", value, behind) == {"INTERFACE-READ-MOVES": "error"}
-    assert severities("interface", value, known) == {}
+    assert severities("interface", value, known) == {"INTERFACE-PARAMETER-FOREIGN": "error"}
     assert json.dumps(value)

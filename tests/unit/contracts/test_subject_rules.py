@@ -37,7 +37,7 @@ def tool(capability: str, name: str, text: str) -> dict[str, Any]:
         "effect": "read",
         "annotations": READ,
         "input_schema": {"type": "object", "properties": {}, "additionalProperties": False},
-        "output_schema": {"type": "object", "properties": {"attached": {"type": "boolean"}}},
+        "output_schema": {"type": "object", "properties": {"model": {"type": ["string", "null"]}}},
         "smoke": {"arguments": {}},
     }
 
@@ -69,6 +69,7 @@ OF = {BOARD: "read_system_identity", CAMERA: "capture_image", BUS: "read_device_
 WRONG = {
     (BOARD, "Read maker and model of the GPD Pocket computer."): "'Pocket' is in no text of it",
     (BOARD, "Read the model. The GPD Pocket 3 is meant."): "'Pocket' is in no text of it",
+    (CAMERA, "Take one picture with the Heron H20 Pro camera."): "'Pro' is in no text of it",
     (CAMERA, f"{CAMERA_TEXT} The RX-ARM200 is seen in it."): "which is another device",
     (CAMERA, f"{CAMERA_TEXT} Before it the arm is turned to the given place."): "its capability reads",
     (CAMERA, f"{CAMERA_TEXT} It then moves the carriage."): "its capability reads",

@@ -8,12 +8,17 @@ again, or asks two things at once, has the person do its work.
 """
 
 import re
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
-from octoform.base.escaping import display
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
+from octoform.base.quantities import unit_in
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.movement_words import is_time, within_answer
+from octoform.contracts.name_clues import tokens
+from octoform.contracts.name_words import word_set
+from octoform.contracts.rules.raw_line_rules import lines_answered, lines_answered_incompletely
 from octoform.diagnostics import Diagnostic, error, warning
 
 METHOD = "user_answer"
@@ -89,6 +94,104 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     ]
 
 
+_DENIED = re.compile(
+    r"(?i)(?<!\bdo )(?<!\bdoes )(?<!\bmust )(?<!\bshould )(?<!\bmay )(?<!\bcan )\b(?:not(?! only\b)|no longer|isn't"
+    r"|formerly|previously|used to be|instead of|rather than|kein\w*|nicht(?! nur\b))\b[^,.;:!?\n]*"
+)
+"""A part of an answer that states what a device is not."""
+
+
+def denied_words(device: str, artifacts: Artifacts) -> frozenset[str]:
+    """The words that an answer has only where it states what its device is not, or is no longer."""
+    answer = artifacts.answers.get(device, "")
+    parts = _DENIED.findall(answer)
+    return word_set(parts) - word_set([_DENIED.sub(" ", answer)]) if parts else frozenset()
+
+
+_NUMBER = re.compile(r"(?<![\w.,])-?\d+(?:[.,]\d+)?(?![\w-])")
+_COUNTS = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
+_BOUNDS = frozenset({"range", "ranges", "minimum", "maximum", "min", "max", "limit", "limits", "highest", "lowest"})
+_COLOURED = ("colour", "color", "hue", "saturation", "rgb")
+_ELECTRIC = ("meter", "multimeter", "supply", "battery", "analyser", "analyzer")
+_SPUN = ("fan", "pump", "motor", "stepper", "spindle", "conveyor", "wheel", "mixer", "centrifuge")
+_MOVED = (*_SPUN, "arm", "robot", "servo", "rail", "gantry", "stage", "slider", "axis", "joint", "gripper", "valve")
+_QUANTITIES: dict[str, tuple[str, ...]] = {
+    **dict.fromkeys(_COLOURED, _COLOURED),
+    **dict.fromkeys(("temperature", "temperatures"), ("thermometer", "thermostat", "thermocouple", "celsius", "degc")),
+    **dict.fromkeys(("heater", "heat", "heating"), ("heater", "heating", "oven", "furnace", "thermostat", "hotplate")),
+    "humidity": ("hygrometer", "moisture", "weather"),
+    "pressure": ("barometer", "manometer", "weather", "vacuum"),
+    "voltage": (*_ELECTRIC, "voltmeter", "volt", "volts"),
+    "current": (*_ELECTRIC, "ammeter", "amp", "amps", "ampere"),
+    "weight": ("scale", "scales", "balance"),
+    "speed": (*_MOVED, "rpm", "wind", "anemometer", "car", "rover", "drone"),
+    **dict.fromkeys(
+        ("position", "angle", "joint"), (*_MOVED, "encoder", "gps", "gnss", "gimbal", "turntable", "degrees")
+    ),
+    **dict.fromkeys(("volume", "loudness"), ("speaker", "amplifier", "audio", "sound", "siren", "music", "pump")),
+    **dict.fromkeys(("brightness", "backlight"), ("lamp", "light", "led", "leds", "display", "screen", "dimmer")),
+}
+"""Quantities in the name of a capability, each with words of an answer from which it follows."""
+
+
+def answer_stretched(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
+    """What a device on a raw line can do rests on its owner's words: its quantities, its numbers and their units."""
+    lines, incomplete, out = lines_answered(value, artifacts), lines_answered_incompletely(value, artifacts), []
+    probed = {device["id"]: device for device in (artifacts.probe or {}).get("devices", ())} if lines else {}
+    for index, device in enumerate(value["devices"]):
+        answer = lines.get(device["id"])
+        if answer is None:
+            continue
+        entry, says = probed[device["id"]], [each.get("says", "") for each in device["evidence"]]
+        own = word_set([answer, str(entry["name"]), str(entry["raw_descriptor"]), *says])
+        for at, capability in enumerate(device["capabilities"]):
+            if capability["effect"] != "read" and device["id"] in incomplete:
+                continue  # IDENTIFY-ACTUATE-WITHOUT-PROFILE reports what the answer lacks
+            for place, what in _stretched(capability, answer, own):
+                summary = f"{display(capability['name'])} of {display(device['id'])} has {what}, which is not in the "
+                summary += f"owner's answer {display(answer)}"
+                where = pointer("devices", index, "capabilities", at, *place)
+                hint = (
+                    "take it from the answer or leave it out; of another language name the word's meaning in `says`; "
+                )
+                hint += f'for its owner alone: `octoform answer {device["id"]} "..."` records more'
+                out.append(error("IDENTIFY-ANSWER-STRETCHED", summary, pointer=where, hint=hint))
+    return out
+
+
+def _stretched(capability: JsonObject, answer: str, own: frozenset[str]) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, what) of each statement of a capability that goes beyond an answer."""
+    acts = capability["effect"] != "read"
+    for word in tokens(capability["name"]):
+        if word in _QUANTITIES and own.isdisjoint((word, word.removesuffix("s"), *_QUANTITIES[word])):
+            yield ("name",), f"the quantity {display(word)}"
+            break
+    beyond = [each for each in _NUMBER.findall(capability["description"]) if not _is_given(each, answer, own)]
+    if acts and beyond:
+        yield ("description",), listed(beyond)
+    unit = unit_in(_NUMBER.sub("", answer))
+    for name, fact in (capability.get("parameters") or {}).items():
+        spoken, text = set(tokens(str(name))), str(fact)
+        if is_time(str(name)):
+            continue
+        numbers = _NUMBER.findall(text)
+        bounds = len(numbers) > 1 or bool(spoken & _BOUNDS)  # a range, a list, or one end: narrower ones are right
+        found = [each for each in numbers if not _is_given(each, answer, own, bounds)]
+        if found:
+            yield ("parameters", str(name)), f"{listed(found)} as {display(str(name))}"
+        elif acts and unit and unit_in(_NUMBER.sub("", text)) not in (None, unit):
+            yield ("parameters", str(name)), f"{display(text)} in another unit"
+
+
+def _is_given(number: str, answer: str, own: frozenset[str], bounds: bool = True) -> bool:
+    """Whether an answer has a number, as a figure or a word; a bound may also lie inside of what it allows."""
+    plain = number.replace(",", ".")
+    value = float(plain)
+    spelt = _COUNTS[int(value) - 1] if 1 <= value <= len(_COUNTS) and value.is_integer() else ""
+    listed_there = re.search(rf"(?<![\d.,]){re.escape(number.lstrip('-'))}(?![\d]|[.,]\d)", answer) is not None
+    return listed_there or number in own or spelt in own or value in (0, 1) or (bounds and within_answer(value, answer))
+
+
 def many_questions(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
     """A device has at most one question for what is missing."""
     return [
@@ -126,6 +229,7 @@ RULES = (
     Rule("IDENTIFY-ANSWER-INVENTED", answer_invented),
     Rule("IDENTIFY-ANSWER-IGNORED", answer_ignored),
     Rule("IDENTIFY-PROFILE-IGNORED", profile_ignored),
+    Rule("IDENTIFY-ANSWER-STRETCHED", answer_stretched),
     Rule("IDENTIFY-MANY-QUESTIONS", many_questions),
     Rule("IDENTIFY-LINE-LEFT-OUT", line_left_out),
 )

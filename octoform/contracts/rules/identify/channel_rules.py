@@ -10,7 +10,9 @@ from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
+from octoform.base.quantities import unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.movement_words import unknown_units
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.diagnostics import Diagnostic, error
@@ -20,7 +22,25 @@ _SHOWN = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): ")
 _COUNTED = re.compile(r"(?:n?lines?|line_count|num_lines|ngpio|n_?gpios?|max_brightness|max_state)")
 _OF_A_LIGHT = re.compile(r"(?:brightness_)?(?:range|levels|steps|maximum|max)")
 _ASKED = re.compile(r"(?:sample_?)?rates?(?:_hz)?|sampling_rates?|bit_?depths?|sample_formats?")
-_PARTS = re.compile(r"fans|leds|labels|sensors|zones|lights|backlights|rails")
+_PARTS = re.compile(r"fans|leds|labels|sensors|zones|lights|backlights|rails|connectors|readings|kinds")
+_LABELLED = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): .*?label=(.+)$")
+_NESTED = re.compile(r"ngpio|max_brightness|max_state")
+_UNITS = (
+    (re.compile(r"(?:in_|out_)?temp"), frozenset({"degC", "degF", "K"})),
+    (re.compile(r"(?:in_)?humidity"), frozenset({"%"})),
+    (re.compile(r"in_pressure"), frozenset({"kPa", "hPa"})),
+    (re.compile(r"fan\d"), frozenset({"rpm", "%"})),
+    (re.compile(r"in\d|(?:in|out)_voltage"), frozenset({"V"})),
+    (re.compile(r"curr\d|(?:in|out)_current"), frozenset({"A"})),
+    (re.compile(r"power\d"), frozenset({"W"})),
+    (re.compile(r"in_illuminance"), frozenset({"lux"})),
+    (re.compile(r"in_accel"), frozenset({"m/s^2"})),
+    (re.compile(r"in_anglvel"), frozenset({"rad/s"})),
+)
+"""How the names of the kernel's channels begin (ABI/testing/sysfs-class-hwmon, sysfs-bus-iio), with their units."""
+_TINTS = frozenset({"colour", "colours", "color", "colors", "hue", "saturation", "rgb"})
+_TINTED = re.compile(r"(?i)rgb|colou?r|(?:^|[:_\W])(?:red|green|blue|white|amber|multi)")
+_DEEP = re.compile(r"(?i)depth|stereo|tof|lidar|3d|rgbd")
 _NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
 _BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
 _READINGS = re.compile(r"(?m)^power_supply\[\d+\]\.readings: (.+)$")
@@ -54,6 +74,8 @@ def _differing(capability: JsonObject, entry: JsonObject) -> Iterator[tuple[tupl
         unsaid = [each for each in _NUMBER.findall(str(fact)) if each not in numbers | {"0", "1"}]
         if (of_light or counted or asked) and unsaid and not _BY_DEFINITION.search(str(fact)):
             yield ("parameters", name), f"{listed(unsaid)} as {display(name)}", "no such number"
+    yield from _rows_differing(facts, raw, numbers)
+    yield from _unshown(capability, entry, raw)
     for name in (each for each in facts if _PARTS.fullmatch(each) and isinstance(facts[each], list)):
         strange = [each for each in facts[name] if isinstance(each, str) and each.casefold() not in raw.casefold()]
         if strange:
@@ -63,6 +85,47 @@ def _differing(capability: JsonObject, entry: JsonObject) -> Iterator[tuple[tupl
     for word in {*tokens(capability["name"])} & _SUPPLIED.keys() if alone else ():
         if not any(each.startswith(_SUPPLIED[word]) for each in readings):
             yield ("name",), f"a {word}", listed(readings)
+
+
+def _unshown(capability: JsonObject, entry: JsonObject, raw: str) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """What a name claims of a light or a camera that only some of them have."""
+    spoken, classes = {*tokens(capability["name"])}, {*entry.get("classes", ())}
+    if spoken & _TINTS and classes == {"leds"} and not _TINTED.search(raw):
+        yield ("name",), "a colour", "a light without one"
+    if "depth" in spoken and "video4linux" in classes and not _DEEP.search(raw):
+        yield ("name",), "a depth", "a camera without it"
+
+
+def _rows_differing(
+    facts: Mapping[str, Any], raw: str, numbers: set[str]
+) -> Iterator[tuple[tuple[str, ...], str, str]]:
+    """What a row of a table among the facts has of a part: its bound, its unit, its label, the kinds of its events."""
+    labels, text = dict(_LABELLED.findall(raw)), raw.casefold()
+    rows = [(name, row) for name, table in facts.items() if isinstance(table, list) for row in table]
+    for name, row in rows:
+        members = row if isinstance(row, Mapping) else {}
+        for key, item in members.items():
+            if _NESTED.fullmatch(key) and key in raw and str(item) not in numbers:
+                yield ("parameters", name), f"{display(str(item))} as {display(key)}", "no such number"
+            strange = [each for each in item if str(each).casefold() not in text] if isinstance(item, list) else []
+            if strange and _PARTS.fullmatch(key):
+                yield ("parameters", name), f"{listed(strange)} among its {key}", "none of that name"
+        channel, unit = str(members.get("channel", "")), unit_of_text(members.get("unit"))
+        right = next((units for begins, units in _UNITS if begins.match(channel)), None)
+        if unit is not None and right is not None and unit not in right:
+            yield ("parameters", name), f"{display(channel)} in {unit}", f"a channel in {' or '.join(sorted(right))}"
+        label, shown = str(members.get("label", channel)), labels.get(channel, "")
+        if shown and _letters(label) not in (_letters(channel), "") and not _alike(label, shown):
+            yield ("parameters", name), f"{display(label)} as label of {display(channel)}", display(shown)
+
+
+def _alike(label: str, shown: str) -> bool:
+    """Whether a label has a word of the one that PROBE shows."""
+    return bool({*tokens(label)} & {*tokens(shown)}) or _letters(label) in _letters(shown)
+
+
+def _letters(text: str) -> str:
+    return re.sub(r"[\W_]+", "", text).casefold()
 
 
 def _channels(facts: Mapping[str, Any]) -> Iterator[str]:
@@ -89,7 +152,29 @@ def profile_widened(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
                 where = pointer("devices", index, "capabilities", at, "parameters", name)
                 hint = "copy the parameters of a command from the profile; a range may be narrower"
                 out.append(error("IDENTIFY-PROFILE-WIDENED", summary, pointer=where, hint=hint))
+        if facts is not None and command:
+            known = f"{command} {facts.limits} {facts.grammar} {facts.product}"
+            out += _beyond(capability, known, bool(facts.grammar), pointer("devices", index, "capabilities", at))
     return out
+
+
+def _beyond(capability: JsonObject, known: str, whole: bool, where: str) -> Iterator[Diagnostic]:
+    """The findings for numbers and units in the prose of a command that its profile does not have."""
+    for member in ("description", "via"):
+        if strange := _strange(capability[member], known, with_numbers=whole or member == "description"):
+            summary = f"the {member} of {display(capability['name'])} has {listed(strange)}, which its profile has not"
+            hint = "describe a command as the profile does, with its numbers and its units"
+            yield error("IDENTIFY-PROFILE-WIDENED", summary, pointer=f"{where}/{member}", hint=hint)
+
+
+def _strange(text: str, known: str, with_numbers: bool) -> list[str]:
+    """The numbers and the units of a description that are not in what is known."""
+    own = set(_NUMBER.findall(known))
+    numbers = [each for each in _FREE_NUMBER.findall(text) if each not in own] if with_numbers else []
+    return numbers + unknown_units(text, known)
+
+
+_FREE_NUMBER = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?(?![\w])")
 
 
 def _wider(given: Mapping[str, Any], own: Mapping[str, Any]) -> str:

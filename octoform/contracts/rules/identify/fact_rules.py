@@ -21,7 +21,8 @@ from octoform.diagnostics import Diagnostic, error
 
 # Facts that a device is asked for at every call, or that are in its descriptor.
 _ASKED = re.compile(
-    r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy)"
+    r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy|formats?|modes)"
+    r"|(?:max(?:imum)?_|min(?:imum)?_)(?:width|height)|(?:design_|full_|nominal_)capacity(?:_\w+)?|capacity_m?[aw]h"
     r"|(?:[xyz]|axis|pressure|tilt|touch|contact)_?(?:range|levels?|min|max|minimum|maximum|resolution|points)"
     r"|(?:max_)?(?:contacts?|touches|touch_?points|fingers)"
 )

@@ -28,21 +28,34 @@ ACTING = ("sensor", "actuator", "bidirectional")
 _DATABASE, _WEB, _ANSWER = "id_database", "web_search", answer_rules.METHOD
 _OBSERVED = ("kernel_class", "descriptor_driver")
 _KEY = re.compile(r"(?m)^[\w.\[\]-]+(?: \w+)?: ")
-PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b")
+PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b(?!\S*(?:/search\b|[?&](?:q|query|search)=))")
+"""The address of a page; that of a search is none, whose results are others on the next day."""
 _SEVERAL = re.compile(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
 _SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
 _HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
+_WITH = re.compile(r"(?i)\s(?:with|and|plus)\s")
 # Numbers of a kind's registration, which a name does not consist of.
 _CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
 _BOOT = re.compile(r"\bclass 03/01/0[12]\b")
 """A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
 # Words of a device's own strings that say a kind of thing in another word.
 _SYNONYMS = {"imager": "camera", "lte": "modem", "wwan": "modem", "scan": "scanner", "imaging": "camera"}
+_QUALITIES: dict[str, tuple[str, ...]] = {
+    "thermal": ("thermal", "hwmon", "cooling"),
+    "bluetooth": ("bluetooth", "usb-e0"),
+    "wireless": ("net", "ieee80211", "bluetooth", "rfkill", "usb-e0", "wwan"),
+    "infrared": ("rc", "lirc"),
+    "stereo": ("sound", "hdaudio"),
+    **dict.fromkeys(("fingerprint", "oled", "laser", "depth", "rfid", "nfc", "fhd", "uhd"), ()),
+}
+"""Words of class that make another product of a thing, and the classes from which they follow."""
+_AS_QUALITY = {"wireless": frozenset({"wifi", "wlan", "radio", "bluetooth", "rf", "dongle", "receiver"})}
 _TELLING_KEYS = ("product", "model", "name", "manufacturer", "vendor", "udev.ID_MODEL_FROM_DATABASE", "driver")
 _GRAMMAR = frozenset(
     (
         *("by", "with", "in", "on", "at", "from", "class", "built", "made", "its", "as", "or", "no", "not", "only"),
         *("model", "shown", "unknown", "two", "four", "this", "that", "one", "first", "second", "third", "fourth"),
+        *("behind", "beside", "revision", "rev"),
         *("mk", "mark", "type", "version", "kind", "own", "per", "each", "all"),
     )
 )
@@ -73,6 +86,13 @@ def name_without_evidence(value: JsonObject, artifacts: Artifacts) -> list[Diagn
             summary = f"nothing that is cited for {display(device['id'])} has {', '.join(map(display, unsaid))}"
             hint = _hint(device["method"], entry, [word for word in unsaid if kind_of(word.casefold())])
             out.append(error(_CODE, summary, pointer=where, detail=_own_words(probed, entry), hint=hint))
+    for index, device in enumerate(value["devices"]):
+        if beyond := _beyond_profile(device, artifacts):
+            summary = (
+                f"the product of the profile {display(device['profile'])} has no {', '.join(map(display, beyond))}"
+            )
+            hint = f"name it as the profile does: {artifacts.profiles[device['profile']].product}"
+            out.append(error(_CODE, summary, pointer=pointer("devices", index, "identified_as"), hint=hint))
     return out
 
 
@@ -194,11 +214,17 @@ def _unsupported(device: JsonObject, probed: JsonObject, entry: str | None, arti
     name = device["identified_as"]
     spelt = words(name)
     telling = [word for word in spelt if _is_distinctive(word.casefold())]
-    quoted = word_set(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed)
-    answer = word_set([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)])
+    denied = answer_rules.denied_words(device["id"], artifacts) - word_set(_texts(probed))
+    quoted = word_set(_KEY.sub("", evidence["quote"]) for evidence in device["evidence"]) - _codes(probed) - denied
+    answer = word_set([*answer_rules.texts(device["id"], artifacts), *_held_products(device, artifacts)]) - denied
     bare = _of_class(spelt, quoted, probed) if not telling and device["method"] != _ANSWER else []
-    untold = [] if bare else _kinds(name, device, probed, quoted | answer | word_set([entry or ""]))
-    unsaid = {*_unnamed(device, probed, entry, telling, quoted | answer), *untold, *bare}
+    cited = quoted | answer | word_set([entry or ""])
+    untold = [] if bare else _kinds(name, device, probed, cited) + _qualities(spelt, device, probed, cited)
+    apart = missing(spelt, quoted | answer)  # a word of class may be a part of a model's name
+    if device["method"] == _ANSWER and RAW.issuperset(ways_of(probed)):
+        untold += _beside(name, cited | word_set(_texts(probed)) | _translated(device))
+    unnamed = [word for word in _unnamed(device, probed, entry, telling, quoted | answer) if word in apart]
+    unsaid = {*unnamed, *untold, *bare}
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
 
 
@@ -220,6 +246,35 @@ def _kinds(name: str, device: JsonObject, probed: JsonObject, cited: frozenset[s
         for word in missing([word for word in head if kind_of(word.casefold())], own | parts(own))
         if ways.isdisjoint(KINDS[kind_of(word.casefold()) or ""]) or (found and kind_of(word.casefold()) in INPUTS)
     ]
+
+
+def _qualities(spelt: list[str], device: JsonObject, probed: JsonObject, cited: frozenset[str]) -> list[str]:
+    """The words that make another product of a thing and that nothing of the device bears out."""
+    given = [word for word in spelt if word.casefold() in _QUALITIES]
+    if not given:
+        return []
+    own, ways = cited | word_set(_texts(probed)) | _translated(device), ways_of(probed)
+    own |= {quality for quality, words_of in _AS_QUALITY.items() if not own.isdisjoint(words_of)}
+    return [word for word in missing(given, own | parts(own)) if ways.isdisjoint(_QUALITIES[word.casefold()])]
+
+
+def _beside(name: str, known: frozenset[str]) -> list[str]:
+    """Of what a name by an answer has beside the thing ("with a flow meter"), the words that are not known."""
+    parts_of = words(" ".join(_WITH.split(name)[1:]))
+    loose = [word for word in parts_of if is_class_word(word.casefold()) and not is_filler(word.casefold())]
+    return missing(loose, known | parts(known))
+
+
+def _beyond_profile(device: JsonObject, artifacts: Artifacts) -> list[str]:
+    """Of a name by a profile, the words that neither the profile's product has nor the device or its owner."""
+    facts = artifacts.profiles.get(device.get("profile", ""))
+    if device["method"] != "profile" or facts is None or not facts.product or device["id"] not in facts.holds:
+        return []
+    probed: JsonObject = next((each for each in (artifacts.probe or {})["devices"] if each["id"] == device["id"]), {})
+    answer = answer_rules.texts(device["id"], artifacts)
+    own = word_set([facts.product, facts.name, *_texts(probed), *answer])
+    spelt = words(device["identified_as"])
+    return [word for word in missing(spelt, own | parts(own) | _translated(device)) if _is_distinctive(word.casefold())]
 
 
 def _unnamed(

@@ -15,7 +15,7 @@ from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
-from octoform.contracts.rules.interface.parameter_rules import strings_of, takes_a_program
+from octoform.contracts.rules.interface.parameter_rules import strings_of, takes_a_program, unfit
 from octoform.diagnostics import Diagnostic, error
 
 MAX_WAIT = 60.0
@@ -105,31 +105,33 @@ def number_unbounded(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def range_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """The range of a number holds its default and something, and nothing that cannot be in its unit."""
+    """A range and a choice hold their default and something, and nothing that cannot be in its unit or type."""
     out = []
-    hint = "write the lower bound as minimum, the upper one as maximum, and a default between them"
+    hint = "write the lower bound as minimum, the upper one as maximum, and a default that is one of what may be given"
     for index, tool in enumerate(value["tools"]):
         for name, where, member in parameters_of(index, tool):
-            low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
-            unit = unit_of_name(name) or unit_in(member.get("description"))
-            beyond = [
-                side for side in (low, high) if unit is not None and _is_plain(side) and not is_possible(side, unit)
-            ]
-            if _is_plain(low) and _is_plain(high) and low > high:
-                why = f"has the minimum {low:g} above the maximum {high:g}"
-            elif _is_plain(given) and ((_is_plain(low) and given < low) or (_is_plain(high) and given > high)):
-                why = f"has the default {given:g}, which its own range does not hold"
-            elif beyond:
-                why = f"reaches {beyond[0]:g} {unit}, which nothing does"
-            elif unit == "%" and _is_plain(low) and low < 0 and _is_share(tool, name, member, _FROM_NOTHING):
-                why = f"reaches {low:g} percent of what there is no less than none of"
-            elif unit == "%" and _is_plain(high) and high > 100 and _ends_at_all(tool, name, member):
-                why = f"reaches {high:g} percent of what there is no more than all of"
-            else:
-                continue
-            summary = f"{display(name)} of {display(tool['name'])} {why}"
-            out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
+            if why := _emptiness(tool, name, member) or unfit(name, member):
+                summary = f"{display(name)} of {display(tool['name'])} {why}"
+                out.append(error("INTERFACE-RANGE-EMPTY", summary, pointer=where, hint=hint))
     return out
+
+
+def _emptiness(tool: JsonObject, name: str, member: Mapping[str, Any]) -> str | None:
+    """What is wrong with the range of a number; None where nothing is."""
+    low, high, given = (member.get(word) for word in ("minimum", "maximum", "default"))
+    unit = unit_of_name(name) or unit_in(member.get("description"))
+    beyond = [side for side in (low, high) if unit is not None and _is_plain(side) and not is_possible(side, unit)]
+    if _is_plain(low) and _is_plain(high) and low > high:
+        return f"has the minimum {low:g} above the maximum {high:g}"
+    if _is_plain(given) and ((_is_plain(low) and given < low) or (_is_plain(high) and given > high)):
+        return f"has the default {given:g}, which its own range does not hold"
+    if beyond:
+        return f"reaches {beyond[0]:g} {unit}, which nothing does"
+    if unit == "%" and _is_plain(low) and low < 0 and _is_share(tool, name, member, _FROM_NOTHING):
+        return f"reaches {low:g} percent of what there is no less than none of"
+    if unit == "%" and _is_plain(high) and high > 100 and _ends_at_all(tool, name, member):
+        return f"reaches {high:g} percent of what there is no more than all of"
+    return None
 
 
 def _is_share(tool: JsonObject, name: str, member: Mapping[str, Any], words: frozenset[str]) -> bool:

@@ -4,17 +4,20 @@ A description goes to every model that uses the endpoint and, as part of the art
 """
 
 import json
+import math
 import re
 from collections.abc import Iterator
 from typing import Any
 
-from octoform.base.escaping import display
+from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.movement_words import unknown_units
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.interface import subject_rules
 from octoform.contracts.rules.interface.bound_rules import listed_of
+from octoform.contracts.rules.interface.member_units import is_unit
 from octoform.contracts.rules.interface.subject_rules import known_text
 from octoform.diagnostics import Diagnostic, error
 
@@ -88,7 +91,12 @@ def description(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
                     summary = f"a description of {display(tool['name'])} {what}"
                     hint = f"describe what the tool does; {hint}"
                     out.append(error("INTERFACE-DESCRIPTION", summary, pointer=pointer(*where), hint=hint))
-        for what, hint in (*subject_rules.problems(tool, artifacts), *_promised(tool, artifacts)):
+        problems = (
+            *subject_rules.problems(tool, artifacts),
+            *_promised(tool, artifacts),
+            *_contradicted(tool, artifacts),
+        )
+        for what, hint in problems:
             summary = f"the description of {display(tool['name'])} {what}"
             at = pointer("tools", index, "description")
             out.append(error("INTERFACE-DESCRIPTION", summary, pointer=at, hint=hint))
@@ -179,6 +187,151 @@ def _promised(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str
     found += [each[0] for each in _ACCURATE.finditer(words) if (each[1] or each[2]) not in texts]
     if found and texts:
         yield f"has {display(found[0])}, and its devices do not", "describe what PROBE and IDENTIFY show of them"
+
+
+# What a description contradicts: the schema of its tool, its effect and the numbers of its devices.
+
+_RANGE = re.compile(
+    r"(?<![\w.,-])([-\u2212]?\d+(?:\.\d+)?) ?(?:%|percent)? ?(?:to|and|\.\.+|\u2013|-) ?"
+    r"([-\u2212+]?\d+(?:\.\d+)?)(?![\w-]*\d)(?: ?(%|[a-zA-Z]+))?"
+)
+_UP_TO = re.compile(
+    r"(?i)\b(?:at most|up to|no (?:more|longer) than|not more than|maximum(?: of| is)?|max\.?)\s+"
+    r"(\d+(?:\.\d+)?)(?: ?([a-z]+))?"
+)
+_DEFAULT = re.compile(r"(?i)\bdefaults?\b(?:\s+(?:is|to|of|value))*\W{0,3}(-?\d+(?:\.\d+)?)(?![\w.]*\d)")
+_ASIDE = re.compile(
+    r"(?i)\b(?:raw|levels?|kernel|counts?|ticks|driver|hardware|internal\w*|nominal\w*|usual\w*|typical\w*|normal\w*"
+    r"|recommended|such as|e\.g|for example|comfort\w*|safe\w*|takes|lasts|about|roughly|scaled?|mapped|means?|some)\b"
+)
+"""Words by which a number is no bound of an argument."""
+_DURATIONS = {
+    **dict.fromkeys(("s", "sec", "secs", "second", "seconds"), 1.0),
+    **dict.fromkeys(("ms", "milliseconds"), 0.001),
+    **dict.fromkeys(("min", "mins", "minute", "minutes"), 60.0),
+    **dict.fromkeys(("h", "hour", "hours"), 3600.0),
+}
+_WAITS = frozenset({"seconds", "timeout", "wait", "duration", "ms", "milliseconds", "minutes", "s", "max", "longest"})
+"""Words of a parameter that is how long a whole call lasts; `tone_seconds` is a part of one."""
+_NUMBER_WORDS = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+_COUNTED = {word: number for number, word in enumerate(_NUMBER_WORDS, 2)}
+_PARTS = re.compile(
+    rf"(?i)\b(\d+|{'|'.join(_COUNTED)}) (?:joints|axes|channels|relays|fans|motors|servos|zones|cores|megapixels?"
+    r"|mp|fps|frames per second|dpi|lumens|[mg]hz|[gt]b)\b"
+)
+_ONLY_READS = re.compile(
+    r"(?i)(?:^|[.;]\s*|\bit |\bthis |\btool )(?:is |it |this |tool )*(?:read-only\b|only reads\b|reads only\b"
+    r"|changes nothing\b|(?:does not|never) changes? anything\b|(?:is )?without (?:any )?effect)"
+)
+_READS_FIRST = re.compile(r"(?i)^\W*(?:reads?|measures?|lists?|monitors?)\s+(?:the|an?|its|one|all|each|every)\b")
+_FOR_GOOD = re.compile(
+    r"(?i)\b(?:cannot|can not|can't|can never) be (?:undone|restored|recovered|reversed|brought back)\b"
+    r"|\birreversibl[ey]\b|\b(?:lost|gone|erased|destroyed) (?:for good|for ever|permanently)\b"
+)
+_BY_STEPS = re.compile(
+    r"(?i)^\W*(?:raise|lower|increase|decrease|add|advance|step|turn|move|shift)s?\b[^.;\n]*"
+    r"\b(?:each|every) (?:time|call)\b"
+)
+_ANY_UNIT = re.compile(r'"units?": \{"type": "string"(?:, "(?:title|description)": "[^"]*")*\}')
+"""A member of the result that states the unit of each value."""
+_BAUD = re.compile(r"(?i)(?<![\d.,])(\d{3,7}) ?(?:baud|bd)\b")
+_BARE_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+
+
+def _contradicted(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]]:
+    """(what is wrong, the cure) of a description that its own tool contradicts."""
+    text = tool["description"].partition("Through:")[0]
+    own = json.dumps([tool["input_schema"], tool.get("output_schema"), tool.get("limits"), tool.get("units")])
+    known = f"{own.casefold()}\n{known_text(tool, artifacts)}"
+    if (units := unknown_units(text, known)) and not _ANY_UNIT.search(own):
+        yield f"has {listed(units)}, which is no unit of its arguments, its result or its devices", _SAME_UNIT
+    if found := _effect_denied(tool, text):
+        yield f"has {display(found[0])}, and its effect is {tool['effect']}", found[1]
+    for found_at in _PARTS.finditer(text):
+        number = _COUNTED.get(found_at[1].casefold(), found_at[1])
+        if not re.search(rf"(?<![\d.]){number}(?![\d]|\.\d)", known):
+            yield f"has {display(found_at[0])}, which no text of its devices has", "describe what IDENTIFY has of them"
+            break
+    held = [facts for facts in artifacts.profiles.values() if not facts.holds.isdisjoint(tool["devices"])]
+    described = held or not artifacts.answers.keys().isdisjoint(tool["devices"])
+    for rate in _BAUD.findall(tool["description"]) if described else ():
+        if rate not in known and not any(rate in str(facts.grammar) for facts in held):
+            yield f"has {rate} baud, which neither IDENTIFY nor a profile nor an answer has", "write IDENTIFY's speed"
+    numbers = {float(each) for each in _BARE_NUMBER.findall(own)}
+    yield from _beyond_schema(tool, text, numbers, own)
+    for name, member in _numbers_of(tool):
+        if what := _bound_differs(str(member.get("description", "")), member):
+            yield f"is about {display(name)}, whose own description has {what}", _SAME_BOUND
+
+
+_SAME_UNIT = "write the unit of the schema: the caller gives and gets its numbers"
+_SAME_BOUND = "write minimum, maximum and default of the schema, or leave the numbers to it"
+
+
+def _numbers_of(tool: JsonObject) -> list[tuple[str, JsonObject]]:
+    properties = tool["input_schema"].get("properties")
+    found = properties.items() if isinstance(properties, dict) else ()
+    return [
+        (name, each) for name, each in found if isinstance(each, dict) and each.get("type") in ("number", "integer")
+    ]
+
+
+def _bound_differs(text: str, member: JsonObject) -> str | None:
+    """The number in the description of a parameter that its schema does not take, or takes otherwise."""
+    low, high, given = member.get("minimum"), member.get("maximum"), member.get("default")
+    default = _DEFAULT.search(text)
+    if default and isinstance(given, int | float) and float(default[1]) != given:
+        return f"the default {default[1]}, and {given:g} is its default"
+    if not isinstance(low, int | float) or not isinstance(high, int | float) or _ASIDE.search(text):
+        return None
+    ranges = [each for each in _RANGE.finditer(text) if (each[3] or "").casefold() not in _DURATIONS]
+    wide = [each for each in ranges if _float(each[1]) < low or _float(each[2]) > high]
+    if wide and len(wide) == len(ranges):
+        return f"{display(wide[0][0])}, and its schema {low:g} to {high:g}"
+    most = next((each for each in _UP_TO.finditer(text) if (each[2] or "").casefold() not in _DURATIONS), None)
+    return f"{display(most[0])}, and its schema at most {high:g}" if most and float(most[1]) > high else None
+
+
+def _beyond_schema(tool: JsonObject, text: str, numbers: set[float], own: str) -> Iterator[tuple[str, str]]:
+    """A range of what acts, a wait and a number of things that the arguments of a tool do not take."""
+    members = _numbers_of(tool)
+    for sentence in re.split(r"(?<=[.;])\s|\n", text) if members else ():
+        for most in _UP_TO.finditer(sentence):
+            number, unit = float(most[1]), (most[2] or "").casefold()
+            scale = _DURATIONS.get(unit)
+            asked = [
+                _plain(each.get("maximum")) * (0.001 if {"ms", "milliseconds"} & set(tokens(name)) else 1)
+                for name, each in members
+                if (set(tokens(name)) <= _WAITS if scale else unit in tokens(name))
+            ]
+            if asked and number * (scale or 1) > max(asked) and not _ASIDE.search(sentence):
+                yield f"has {display(most[0])}, and its arguments take no more than {max(asked):g}", _SAME_BOUND
+        for found in _RANGE.finditer(sentence) if tool["effect"] != "read" and not _ASIDE.search(sentence) else ():
+            unit = (found[3] or "").casefold()
+            other = unit in _DURATIONS or (is_unit(unit) and unit not in own.casefold())
+            if not other and not {_float(found[1]), _float(found[2])} <= numbers:
+                yield f"has {display(found[0])}, which is no range of its schema", _SAME_BOUND
+                return
+
+
+def _effect_denied(tool: JsonObject, text: str) -> tuple[str, str] | None:
+    """(the words, the cure) by which a description has another effect than its tool."""
+    acts = tool["effect"] != "read"
+    if acts and (found := _ONLY_READS.search(text) or _READS_FIRST.search(text)):
+        return found[0].strip(" .;"), "describe what it changes"
+    if tool["effect"] == "actuate" and (found := _FOR_GOOD.search(text)) and not _NEGATED.search(text[: found.start()]):
+        return found[0], "what a second call cannot undo is irreversible, in IDENTIFY first (`identify_errors`)"
+    if acts and tool["annotations"]["idempotentHint"] and (found := _BY_STEPS.search(text)):
+        return found[0].strip(" .;"), "idempotentHint is false where a second identical call changes something further"
+    return None
+
+
+def _plain(number: Any) -> float:
+    return float(number) if isinstance(number, int | float) else math.inf
+
+
+def _float(text: str) -> float:
+    return float(text.replace("\u2212", "-"))
 
 
 RULES = (Rule("INTERFACE-DESCRIPTION", description),)

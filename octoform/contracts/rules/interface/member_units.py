@@ -34,138 +34,19 @@ _FLAGS = frozenset(
 """Members about a call, and not about what was read."""
 _ELSEWHERE = frozenset({"base64", "b64", "path", "filepath", "filename", "url", "uri"})
 _RECORDED = frozenset({"image", "picture", "photo", "frame", "snapshot", "audio", "sound", "video", "clip"})
-_SHORT = (
-    *(
-        "c",
-        "f",
-        "k",
-        "v",
-        "mv",
-        "uv",
-        "kv",
-        "a",
-        "ma",
-        "ua",
-        "w",
-        "mw",
-        "kw",
-        "hz",
-        "khz",
-        "mhz",
-        "ghz",
-        "s",
-        "ms",
-        "us",
-    ),
-    *(
-        "ns",
-        "m",
-        "mm",
-        "cm",
-        "km",
-        "um",
-        "nm",
-        "g",
-        "kg",
-        "mg",
-        "n",
-        "nm",
-        "pa",
-        "hpa",
-        "kpa",
-        "mpa",
-        "bar",
-        "mbar",
-        "psi",
-    ),
-    *(
-        "lx",
-        "lm",
-        "cd",
-        "db",
-        "dbm",
-        "dbi",
-        "rh",
-        "ppm",
-        "ppb",
-        "ohm",
-        "f",
-        "pf",
-        "nf",
-        "uf",
-        "h",
-        "j",
-        "wh",
-        "kwh",
-        "mah",
-    ),
-    *(
-        "ah",
-        "cel",
-        "deg",
-        "rad",
-        "rpm",
-        "rps",
-        "mps",
-        "kmh",
-        "mph",
-        "kn",
-        "dps",
-        "pct",
-        "degc",
-        "degf",
-        "celsius",
-        "fahrenheit",
-    ),
-    *("kelvin", "volt", "volts", "millivolts", "amp", "amps", "ampere", "amperes", "milliamperes", "watt", "watts"),
-    *("hertz", "second", "seconds", "milliseconds", "minutes", "hours", "meter", "meters", "metre", "metres"),
-    *("millimeters", "millimetres", "centimeters", "centimetres", "kilometers", "feet", "inch", "inches", "gram"),
-    *("grams", "kilogram", "kilograms", "newton", "newtons", "pascal", "pascals", "hectopascal", "hectopascals"),
-    *("kilopascal", "kilopascals", "lux", "lumen", "decibel", "decibels", "percent", "percentage", "degree", "degrees"),
-    *("radian", "radians", "joule", "joules", "ohms", "farad", "picofarads", "microseconds", "nanoseconds", "knots"),
-    *(
-        "bits",
-        "bytes",
-        "microtesla",
-        "gauss",
-        "tesla",
-        "ut",
-        "mt",
-        "millig",
-        "micrometers",
-        "milligrams",
-        "microamperes",
-    ),
-    *(
-        "microvolts",
-        "megahertz",
-        "kilohertz",
-        "gigahertz",
-        "milliwatts",
-        "kilowatts",
-        "ticks",
-        "raw",
-        "counts",
-        "steps",
-    ),
-    *("unitless", "dimensionless", "fraction", "ratio", "unit", "units", "lsb", "baud", "mbps", "kbps", "gbps", "mbit"),
-    *(
-        "rev",
-        "revolutions",
-        "turns",
-        "ghz",
-        "millidegrees",
-        "permille",
-        "ppt",
-        "pixel",
-        "pixels",
-        "px",
-        "lb",
-        "lbs",
-        "oz",
-    ),
-)
-_UNITS = frozenset(_SHORT)
+_UNIT_WORDS = """
+    c f k v mv uv kv a ma ua w mw kw hz khz mhz ghz s ms us ns m mm cm km um nm g kg mg n pa hpa kpa mpa bar
+    mbar psi lx lm cd db dbm dbi rh ppm ppb ohm pf nf uf h j wh kwh mah ah cel deg rad rpm rps mps kmh mph kn
+    dps pct degc degf celsius fahrenheit kelvin volt volts millivolts amp amps ampere amperes milliamperes watt
+    watts hertz second seconds milliseconds minutes hours meter meters metre metres millimeters millimetres
+    centimeters centimetres kilometers feet inch inches gram grams kilogram kilograms newton newtons pascal
+    pascals hectopascal hectopascals kilopascal kilopascals lux lumen decibel decibels percent percentage degree
+    degrees radian radians joule joules ohms farad picofarads microseconds nanoseconds knots bits bytes
+    microtesla gauss tesla ut mt millig micrometers milligrams microamperes microvolts megahertz kilohertz
+    gigahertz milliwatts kilowatts ticks raw counts steps unitless dimensionless fraction ratio unit units lsb
+    baud mbps kbps gbps mbit rev revolutions turns millidegrees permille ppt pixel pixels px lb lbs oz
+"""
+_UNITS = frozenset(_UNIT_WORDS.split())
 _SIGNS = re.compile(
     r"[°%‰Ωµμ²³]|\b(?:m/s|rad/s|km/h|1/s|m/s\^2|n·m|w/m|kg/m)|\b0(?:\.0)? (?:to|\.\.) ?1(?:\.0)?\b", re.IGNORECASE
 )
@@ -178,18 +59,52 @@ def read_nothing(capability: str, schema: Any) -> Iterator[tuple[tuple[str, ...]
     members = schema.get("properties") if isinstance(schema, Mapping) else None
     if not isinstance(members, Mapping):
         return
-    if {str(name).casefold() for name in members} <= _FLAGS and members:
+    spoken = set(tokens(capability))
+    flags = _FLAGS if spoken & _ABOUT_FLAGS else _FLAGS | _ONLY_THERE
+    if {str(name).casefold() for name in members} <= flags and members:
         yield (), "reports how the call went, and nothing that was read"
+    for place, name in _as_text(schema):
+        yield place, f"has the quantity {name} as a string"
     for name, member in members.items():
         kinds = _kinds(member)
         quantity = bool(set(tokens(str(name))) & _QUANTITIES) and not _ASIDE & set(tokens(str(name)))
         place = ("properties", str(name))
         if isinstance(member, Mapping) and not member.keys() - {"description", "title", "default", "examples"}:
             yield place, f"has the member {name} of any type"
-        elif kinds == {"string"} and quantity and "enum" not in member:
+        elif kinds and kinds <= {"integer", "number", "boolean"} and str(name) in _LISTED and name in spoken:
+            yield place, f"reports how many {name} there are, and not which"
+        elif kinds == {"string"} and quantity and "enum" not in member and not _has_unit(str(name)):
             yield place, f"has the quantity {name} as a string"
         elif "string" in kinds and set(tokens(str(name))[-1:]) & _ELSEWHERE and set(tokens(capability)) & _RECORDED:
             yield place, f"has a picture or a sound as {name}, and not as content"
+
+
+_ONLY_THERE = frozenset({"count", "total", "attached", "present", "available", "connected"})
+_ABOUT_FLAGS = frozenset({"presence", "present", "attached", "availability", "connected", "connection", "count"})
+_ABOUT_FLAGS |= {"counts", "counter", "number", "total", "status", "state", "available", "pulses"}
+"""Words of a capability that asks for no more than such a member."""
+_LISTED = frozenset({"events", "formats", "devices", "files", "partitions", "networks", "interfaces", "channels"})
+_LISTED |= {"ports", "lines", "sensors", "disks", "displays", "connectors", "modes", "inputs"}
+_WRITTEN = frozenset({"bytes", "seconds", "hz", "px", "pixels"})
+
+
+def _has_unit(name: str) -> bool:
+    return unit_of_name(name) is not None or name.casefold().rpartition("_")[2] in _WRITTEN
+
+
+def _as_text(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
+    """(place, name) of each string that is a number by the unit in its name or beside it, at any depth."""
+    members = schema.get("properties") if isinstance(schema, Mapping) else None
+    if not isinstance(members, Mapping):
+        members = {}
+    for name, member in members.items():
+        place = (*where, "properties", str(name))
+        number = _has_unit(str(name)) or (name == "value" and not _BESIDE.isdisjoint(members))
+        if number and _kinds(member) == {"string"} and not {"enum", "const"} & member.keys():
+            yield place, str(name)
+        yield from _as_text(member, place)
+    if isinstance(schema, Mapping):
+        yield from _as_text(schema.get("items"), (*where, "items"))
 
 
 _HEAT = frozenset({"temperature", "temp", "dewpoint"})
@@ -245,6 +160,8 @@ def _disagree(name: str, description: Any) -> bool:
 
 _STATED = re.compile(r"\b[Ii]n ((?:[mµuk]?[VAW]))\b(?!-)")
 _SHARE = re.compile(r"(?<![\d.])0(?:\.0+)? ?(?:to|\.\.+|-|–) ?1(?:\.0+)?(?![\d.]\d|\d|%| percent)|\bfraction\b")
+_ENDS_OF_BITS = frozenset({255, 1023, 4095, 65535})
+"""Where a raw value ends, and no percentage."""
 _PERCENT = frozenset({"percent", "percentage", "pct"})
 _OFF, _ON = frozenset({"off", "disable", "disabled"}), frozenset({"on", "enable", "enabled"})
 
@@ -255,7 +172,11 @@ def _is_other_share(name: str, member: Mapping[str, Any]) -> bool:
     number = most if isinstance(most, int | float) and not isinstance(most, bool) else None
     if spoken & _PERCENT:
         wide = number is None or number > 1
-        return bool(_SHARE.search(words)) or (not wide and member.get("minimum") == 0 and not _states_a_bound(words))
+        return (
+            bool(_SHARE.search(words))
+            or number in _ENDS_OF_BITS
+            or (not wide and member.get("minimum") == 0 and not _states_a_bound(words))
+        )
     return "fraction" in spoken and number is not None and number > 1
 
 
@@ -306,8 +227,19 @@ _UNITS_OF: dict[str, frozenset[str]] = {
     **dict.fromkeys(("wattage",), frozenset({"W"})),
     **dict.fromkeys(("pressure",), frozenset({"kPa", "hPa"})),
     **dict.fromkeys(("illuminance",), frozenset({"lux"})),
+    **dict.fromkeys(("brightness",), frozenset({"%", "lux"})),
 }
 """The units of `octoform.base.quantities` in which a quantity can be."""
+
+
+def is_unit(word: str) -> bool:
+    """Whether a word is a unit of some quantity."""
+    return word in _UNITS
+
+
+def units_of_quantity(capability: str) -> frozenset[str]:
+    """The units in which what a capability names last can be; empty where it names no quantity of one kind."""
+    return _UNITS_OF.get((tokens(capability) or [""])[-1], frozenset())
 
 
 def unit_of_another(name: str, description: Any) -> str | None:

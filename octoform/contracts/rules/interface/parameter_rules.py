@@ -1,9 +1,11 @@
-"""Rules for INTERFACE about parameters: none takes a program, and none belongs to another kind of device.
+"""Rules for INTERFACE about parameters: none is a program or of another device, and results hold what they ask.
 
 A string that is evaluated is a raw pipe into the server, whatever the tool is called. A volume beside a touch screen's
-events changes nothing there, or something that the tool's description does not state.
+events changes nothing there, or something that the tool's description does not state. A default that is no choice
+cannot be given, and a result that has no room for what a call asked for fails each such call.
 """
 
+import math
 import re
 from collections.abc import Iterator, Mapping
 from typing import Any
@@ -11,7 +13,9 @@ from typing import Any
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.name_clues import tokens
+from octoform.contracts.name_clues import changes, tokens
+from octoform.contracts.name_words import word_set
+from octoform.contracts.rules.raw_line_rules import lines_answered, lines_without_knowledge
 from octoform.diagnostics import Diagnostic, error
 
 _PROGRAM = re.compile(
@@ -34,15 +38,69 @@ _CHOSEN = frozenset({"enum", "const", "pattern", "format"})
 _SOUND = "audio sound speaker mic voice speech tone beep buzz horn siren alarm music song play pcm alsa mixer radio tv"
 _LIGHT = "light led lamp display screen backlight bright camera image video picture projector illumin dim flash"
 _LIMBS = "servo arm motor joint robot gripper actuator wheel axis stepper winch valve"
+_TINTED = "rgb colour color hue multi tint print display screen monitor"
+_SPUN = "fan rpm motor spindle pump pwm disk cooling turntable stepper"
 _OPTICS = "camera image picture video lens scan photo optic microscope telescope zoom focus projector webcam"
 _OF: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
     (frozenset({"volume", "loudness", "mute", "muted"}), tuple(_SOUND.split())),
     (frozenset({"brightness", "backlight"}), tuple(_LIGHT.split())),
     (frozenset({"torque", "joint", "servo", "gripper"}), tuple(_LIMBS.split())),
     (frozenset({"zoom", "exposure", "shutter", "iris", "aperture", "fps"}), tuple(_OPTICS.split())),
+    (
+        frozenset({"colour", "color", "hue", "saturation", "rgb", "red", "green", "blue"}),
+        (*_TINTED.split(), *_OPTICS.split()),
+    ),
+    (frozenset({"baud", "baudrate", "parity"}), ("tty", "serial", "uart", "baud", "modem", "gnss")),
+    (frozenset({"fan", "rpm"}), tuple(_SPUN.split())),
+    (frozenset({"gain"}), (*_SOUND.split(), *_OPTICS.split(), "adc", "sdr", "amplif", "iio", "sensor", "scale")),
+    (frozenset({"pan", "yaw"}), ("ptz", "gimbal", "rotat", "imu", "gyro", *_LIMBS.split())),
 )
 """Words for a quantity, and parts of the words of which at least one is in the texts of the devices that have it."""
 _VOLUMES = re.compile(r"(?i)\b(?:percent|decibels?|db|loud|level)\b|%")
+
+
+_WHOLE = frozenset(
+    {"width", "height", "seconds", "duration", "timeout", "wait", "samples", "count", "frames", "flush", "repeats"}
+    | {"repetitions", "events", "readings", "bytes", "pixels", "fps", "milliseconds", "minutes"}
+)
+"""Words for sizes, counts and waits, of which there is no less than none."""
+_DIFFERENCE = re.compile(r"(?i)change|relative|offset|delta|adjust|differ|shift|correct|negative|before|ago")
+_JSON: dict[str, tuple[type, ...]] = {
+    "string": (str,),
+    "integer": (int,),
+    "number": (int, float),
+    "boolean": (bool,),
+    "array": (list,),
+    "object": (dict,),
+}
+
+
+def unfit(name: str, member: Mapping[str, Any]) -> str | None:
+    """Why a choice or a default cannot be given, or a range reaches below nothing; None where neither is so."""
+    choices, given, low = member.get("enum"), member.get("default"), member.get("minimum")
+    if isinstance(choices, list):
+        if not choices:
+            return "offers no choice at all"
+        if strange := [each for each in choices if not _is_of_type(each, member)]:
+            return f"offers {display(str(strange[0]))}, which is not of the type {display(str(member['type']))}"
+        if given is not None and given not in choices:
+            return f"has the default {display(str(given))}, which is none of its choices"
+    if not _is_of_type(given, member):
+        return f"has the default {display(str(given))}, which is not of the type {display(str(member['type']))}"
+    below = isinstance(low, int | float) and low < 0 and bool(set(tokens(name)) & _WHOLE)
+    if below and not _DIFFERENCE.search(f"{name} {member.get('description', '')}"):
+        return f"reaches {low:g} of what there is no less than none of"
+    return None
+
+
+def _is_of_type(given: Any, member: Mapping[str, Any]) -> bool:
+    """Whether a value is of the type that a parameter declares; null stands for none given."""
+    kinds = member.get("type")
+    wanted = tuple(one for kind in (kinds if isinstance(kinds, list) else [kinds]) for one in _JSON.get(str(kind), ()))
+    if given is None or not wanted:
+        return True
+    whole = isinstance(given, float) and given.is_integer() and int in wanted
+    return whole or (isinstance(given, wanted) and (not isinstance(given, bool) or bool in wanted))
 
 
 def takes_a_program(tool: JsonObject) -> str | None:
@@ -58,7 +116,129 @@ def takes_a_program(tool: JsonObject) -> str | None:
 
 def foreign(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A parameter, and each of its choices, belongs to the devices of its tool."""
-    return [*_of_another_kind(value, artifacts), *_of_another_device(value, artifacts)]
+    kinds = [*_of_another_kind(value, artifacts), *_of_another_device(value, artifacts)]
+    return [*kinds, *_of_no_reading(value, artifacts), *_of_no_answer(value, artifacts)]
+
+
+_GENERAL = frozenset(
+    {"on", "off", "state", "value", "level", "percent", "percentage", "number", "index", "id", "device", "unit", "mode"}
+    | {"seconds", "timeout", "wait", "duration", "enabled", "direction", "power", "count", "name", "amount", "ms"}
+    | {"position", "angle", "steps", "degrees", "distance", "x", "y", "z"}
+)
+"""Words for what anything that acts may take."""
+_ALIKE = frozenset({"channel", "output", "line", "port", "relay", "outlet"})
+_SEVERAL = re.compile(
+    r"(?i)\b(?:relays?|channels?|outputs?|outlets?|sockets?)\b|\b(?:\d+|two|three|four|six|eight)[ -][a-z]+s\b"
+)
+
+
+def _of_no_answer(value: JsonObject, artifacts: Artifacts) -> Iterator[Diagnostic]:
+    """Where a tool acts on a raw line by an answer, each parameter has a word of the answer or of its capability."""
+    answered = lines_answered(artifacts.identify, artifacts)
+    known = {
+        device["id"]: word_set([answered[device["id"]], str(device)])
+        for device in (artifacts.identify or {"devices": []})["devices"]
+        if device["id"] in answered
+    }
+    for index, tool in enumerate(value["tools"] if known else ()):
+        device = next((each for each in tool["devices"] if each in known), None)
+        properties = tool["input_schema"].get("properties")
+        if device is None or tool["effect"] == "read" or not isinstance(properties, dict):
+            continue
+        for name in properties:
+            own = set(tokens(name)) - _GENERAL
+            several = own <= _ALIKE and _SEVERAL.search(answered[device])
+            if own and known[device].isdisjoint(own) and not several:
+                where = pointer("tools", index, "input_schema", "properties", name)
+                summary = f"{display(name)} of {display(tool['name'])} is in no word of the owner's answer about "
+                summary += f"{display(device)}: {display(answered[device])}"
+                hint = f'take it out; for its owner alone: `octoform answer {device} "..."` records more'
+                yield error("INTERFACE-PARAMETER-FOREIGN", summary, pointer=where, hint=hint)
+
+
+_GOALS = frozenset({"setpoint", "goal"})
+_SECRETS = frozenset({"password", "passwd", "passphrase", "secret", "credential", "credentials", "sudo", "superuser"})
+_NOUNS = frozenset({"zero", "home", "press", "lower", "print", "program", "feed", "fire", "play", "format", "mount"})
+"""Verbs that are nouns or adjectives in the name of a switch: `home_only`, `zero_based`."""
+_HOSTED = frozenset({"camera", "webcam", "video", "card", "device"})
+_NUMBERED = frozenset({"index", "number", "idx", "no", "nr"})
+
+
+def _of_no_reading(value: JsonObject, artifacts: Artifacts) -> Iterator[Diagnostic]:
+    """A parameter of a reading that a reading has no use for, and a number in the place of `device`."""
+    unknown = lines_without_knowledge(artifacts)  # of which INTERFACE-READ-MOVES reports a goal
+    for index, tool in enumerate(value["tools"]):
+        properties = tool["input_schema"].get("properties")
+        for name, member in properties.items() if isinstance(properties, dict) else ():
+            spoken, reads = set(tokens(name)), tool["effect"] == "read"
+            switch = isinstance(member, dict) and member.get("type") == "boolean"
+            if reads and spoken & _GOALS and unknown.isdisjoint(tool["devices"]):
+                why, hint = "is a goal, and the tool reads", "what sets a goal acts, in a tool of that effect"
+            elif reads and (spoken & _SECRETS or {"as", "root"} <= spoken):
+                why, hint = (
+                    "is a credential or a right",
+                    "the server reads with its own rights",
+                )
+            elif reads and switch and (verb := changes(name, "")) and verb not in _NOUNS:
+                why, hint = (
+                    f"switches something by {display(verb)}",
+                    "what changes something acts, in a tool of that effect",
+                )
+            elif spoken & _HOSTED and spoken & _NUMBERED and len(spoken) == 2:
+                why, hint = "chooses a device of the host by a number", "a device is chosen by `device`, by its id"
+            else:
+                continue
+            where = pointer("tools", index, "input_schema", "properties", name)
+            summary = f"{display(name)} of {display(tool['name'])} {why}"
+            yield error("INTERFACE-PARAMETER-FOREIGN", summary, pointer=where, hint=f"take it out: {hint}")
+
+
+_LASTED = frozenset({"waited", "elapsed", "recorded", "lasted", "took"})
+_LASTS = frozenset({"seconds", "duration", "timeout", "wait"})
+
+
+def result_narrow(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+    """A result holds each value that a call can ask for: its choices, its range, its number of parts, its devices."""
+    out = []
+    for index, tool in enumerate(value["tools"]):
+        schema = tool.get("output_schema")
+        members = schema.get("properties") if isinstance(schema, dict) else None
+        for name, member in members.items() if isinstance(members, dict) else ():
+            if isinstance(member, dict) and (why := _narrower(str(name), member, tool)):
+                summary = f"the result's {display(name)} of {display(tool['name'])} {why}"
+                where = pointer("tools", index, "output_schema", "properties", name)
+                hint = "let the result hold each value that a call can ask for, or narrow the parameter to it"
+                out.append(error("INTERFACE-RESULT-NARROW", summary, pointer=where, hint=hint))
+    return out
+
+
+def _narrower(name: str, member: JsonObject, tool: JsonObject) -> str | None:
+    """What a member of a result cannot hold of what the parameter of its name takes; None where it holds all."""
+    properties = tool["input_schema"].get("properties")
+    given = properties.get(name) if isinstance(properties, dict) else None
+    has, asked = set(_choices(member)), set(_choices(given)) if isinstance(given, dict) else set()
+    lacks = sorted((set(tool["devices"]) if name == "device" else asked) - has) if has else []
+    most, least = member.get("maximum"), member.get("minimum")
+    lacks = [each for each in lacks if not each.isdecimal()]  # a number is another word for a part with a name
+    if lacks:
+        return f"does not hold {listed(lacks)}"
+    if member.get("maxItems") == 0:
+        return "holds nothing"
+    if set(tokens(name)) & _LASTED and isinstance(properties, dict):
+        waits = [each for key, each in properties.items() if isinstance(each, dict) and set(tokens(key)) & _LASTS]
+        given = max(waits, key=lambda each: _plain(each.get("maximum"), 0.0), default=None)
+    if not isinstance(given, dict):
+        return None
+    asked_most, asked_least = _plain(given.get("maximum"), -math.inf), _plain(given.get("minimum"), math.inf)
+    if asked_most > _plain(most, math.inf) or asked_most > _plain(member.get("maxItems"), math.inf):
+        return f"does not hold {asked_most:g}, for which a call may ask"
+    if asked_least < _plain(least, -math.inf) and not set(tokens(name)) & _LASTED:
+        return f"does not hold {asked_least:g}, for which a call may ask"
+    return None
+
+
+def _plain(number: Any, other: float) -> float:
+    return float(number) if isinstance(number, int | float) and not isinstance(number, bool) else other
 
 
 def _of_another_kind(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -202,4 +382,4 @@ def _units(device: JsonObject) -> Iterator[str]:
             yield from (name for name in names if not name.isdecimal() and name.casefold() not in _SHARED)
 
 
-RULES = (Rule("INTERFACE-PARAMETER-FOREIGN", foreign),)
+RULES = (Rule("INTERFACE-PARAMETER-FOREIGN", foreign), Rule("INTERFACE-RESULT-NARROW", result_narrow))

@@ -11,7 +11,7 @@ from typing import Any
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
-from octoform.contracts.movement_words import spoken, within_answer
+from octoform.contracts.movement_words import spoken, unknown_units, within_answer
 from octoform.contracts.rules.interface.bound_rules import parameters_of
 from octoform.contracts.rules.interface.interface_rules import SPARED
 from octoform.contracts.rules.raw_line_rules import lines_answered, lines_answered_incompletely
@@ -102,6 +102,12 @@ def _parameters(schema: JsonObject, wanted: Mapping[str, Mapping[str, Any]]) -> 
         text = ", ".join(f"{name}: {parameter['type']}" for name, parameter in wanted.items()) or "none"
         return "has other parameters than the command", f"its parameters beside `device` are {text}"
     required = schema.get("required")
+    for name, parameter in wanted.items():
+        if strange := unknown_units(str(has[name].get("description", "")), str(parameter)):
+            return (
+                f"has {display(name)} in {strange[0]}, unlike the command",
+                f"its unit is {parameter.get('unit', 'none')}",
+            )
     needed = set(required) if isinstance(required, list) else set()
     for name, parameter in wanted.items():
         default = parameter.get("default")

@@ -20,6 +20,7 @@ from octoform.base.pointer import pointer, resolve
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.rules.interface.bound_rules import listed_of, sample_too_long
+from octoform.contracts.rules.interface.member_units import units_of_quantity
 from octoform.contracts.schema_validation import Problem, validator
 from octoform.diagnostics import Diagnostic, error
 
@@ -53,7 +54,7 @@ def untyped_property(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
 
 
 def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
-    """A required member of an input_schema must be among its properties."""
+    """A required member of an input_schema or of a result must be among the properties there."""
     out = []
     for index, tool in enumerate(value["tools"]):
         for name in _required(tool):
@@ -62,7 +63,25 @@ def required_unknown(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 where = pointer("tools", index, "input_schema", "required")
                 hint = "add it to properties, or take it out of required"
                 out.append(error("INTERFACE-REQUIRED-UNKNOWN", summary, pointer=where, hint=hint))
+        for place, name in _absent(tool.get("output_schema"), ("tools", index, "output_schema")):
+            summary = f"the result of {display(tool['name'])} requires {display(name)}, which it does not have"
+            hint = "describe it in properties, or take it out of required"
+            out.append(error("INTERFACE-REQUIRED-UNKNOWN", summary, pointer=pointer(*place), hint=hint))
     return out
+
+
+def _absent(schema: Any, where: tuple[str | int, ...]) -> Iterator[tuple[tuple[str | int, ...], str]]:
+    """(place, name) of each required member of a result that is not described there, at any depth."""
+    if isinstance(schema, list):
+        for index, item in enumerate(schema):
+            yield from _absent(item, (*where, index))
+    elif isinstance(schema, dict):
+        members, required = schema.get("properties"), schema.get("required")
+        open_ended = schema.get("additionalProperties") or {"anyOf", "oneOf", "allOf", "$ref"} & schema.keys()
+        if isinstance(members, dict) and isinstance(required, list) and not open_ended:
+            yield from (((*where, "required"), each) for each in map(str, required) if each not in members)
+        for name, item in schema.items():
+            yield from _absent(item, (*where, name))
 
 
 def device_parameter(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -130,7 +149,10 @@ def _is_wider(limit: JsonObject, member: JsonObject) -> bool:
     return below or (isinstance(high, int | float) and isinstance(most, int | float) and high > most)
 
 
-def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
+_PROFILE = re.compile(r"\bprofile[: ]+['\"`]?([a-z][\w-]+)")
+
+
+def limit_empty(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     """A limit bounds something: at least one side, the lower not above the upper, of a parameter that exists."""
     out = []
     for index, tool in enumerate(value["tools"]):
@@ -142,10 +164,16 @@ def limit_empty(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
                 why = f"allows nothing: {low} is above {high}"
             elif limit["parameter"] not in _properties(tool):
                 why = "is of a parameter that the tool does not have"
+            elif limit != _limit_of(tool, limit["parameter"]):
+                why = "is there twice, with other bounds"
+            elif (named := _PROFILE.search(limit.get("source", ""))) and named[1] not in artifacts.profiles:
+                why = f"is from a profile that is not chosen: {display(named[1])}"
             else:
                 continue
             summary = f"the limit of {display(limit['parameter'])} in {display(tool['name'])} {why}"
-            out.append(error("INTERFACE-LIMIT-EMPTY", summary, pointer=pointer("tools", index, "limits", at)))
+            where = pointer("tools", index, "limits", at)
+            hint = "write one limit for a parameter of the tool, with the bounds of its schema or narrower ones"
+            out.append(error("INTERFACE-LIMIT-EMPTY", summary, pointer=where, hint=hint))
     return out
 
 
@@ -183,10 +211,12 @@ def channel_unit(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     for index, tool in enumerate(value["tools"]):
         channels = [row.get("unit") for _, row in listed_of(tool, artifacts)] if tool["effect"] == "read" else []
         known = {unit_of_text(unit) for unit in channels}
+        if tool["effect"] == "read" and not channels:
+            known = {*units_of_quantity(tool["capability"])}
         given = set(_units_in(tool.get("output_schema")))
         if not known or not given or None in known | given or set(map(_quantity, known)) & set(map(_quantity, given)):
             continue
-        summary = f"the result of {display(tool['name'])} is in {_told(given)}, and its channels are in "
+        summary = f"the result of {display(tool['name'])} is in {_told(given)}, and what it reads is in "
         summary += _told(known)
         hint = "return what the channels measure; another quantity is another capability, in IDENTIFY first"
         where = pointer("tools", index, "output_schema")

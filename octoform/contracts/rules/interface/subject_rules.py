@@ -159,9 +159,18 @@ def _product(text: str, own: str) -> tuple[str, str] | None:
     return None
 
 
+_SHORT = 4
+"""Letters of a word that begins many others: only as a whole word it is one of the device."""
+
+
 def _is_known(word: str, own: str) -> bool:
     plain = word.casefold()
-    return plain in own or _stem(plain) in own or plain in _PLAIN or is_class_word(plain) or is_filler(plain)
+    if plain in _PLAIN or is_class_word(plain) or is_filler(plain):
+        return True
+    stem = re.escape(_stem(plain))
+    if len(plain) <= _SHORT:
+        return re.search(rf"(?<![a-z]){stem}(?![a-z])", own) is not None
+    return re.search(rf"(?<![a-z]){stem}|{stem}(?![a-z])", own) is not None
 
 
 def _is_name(word: str) -> bool:
