@@ -30,7 +30,7 @@ TRANSPORTS = (STDIO, HTTP)
 
 @dataclass(frozen=True, slots=True)
 class Printed:
-    """A client's configuration as text, the file it belongs into, and what a person has to know with it."""
+    """A client's configuration as text, the file it belongs in, and what a person has to know with it."""
 
     client: Client
     file: Path

@@ -368,7 +368,7 @@ def _install_litellm(report: Callable[[str], None]) -> Installed | Diagnostic:
     command = ["uv", "pip", "install", "--python", sys.executable, requirement]
     foreign = elsewhere(Path(sys.prefix), requirement)
     if foreign is not None:
-        summary = f"litellm belongs into octoform's own environment, {sys.prefix}, which is not octoform's to change"
+        summary = f"litellm belongs in octoform's own environment, {sys.prefix}, which is not octoform's to change"
         return error("HARNESS-INSTALL-FOREIGN", summary, hint=f"run: {foreign}")
     report(f"installing {requirement} into {sys.prefix}")
     with TemporaryDirectory(prefix="octoform-install-") as folder:

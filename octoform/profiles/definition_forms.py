@@ -123,7 +123,7 @@ class Found:
         if name not in given:
             self.add((*place, name), f"{name!r} is missing", f'write {name}: "..."')
             return ""
-        hint = "a line's end and control characters do not belong into it; the field `ending` ends a line"
+        hint = "a line's end and control characters do not belong in it; the field `ending` ends a line"
         self.add((*place, name), f"{name!r} is not a string of 1 to {MAX_CHARS} printable ASCII characters", hint)
         return ""
 

@@ -166,7 +166,7 @@ def accepted(descriptor: Descriptor) -> bytes:
 def _execute(path: Path, source: bytes) -> Any:
     from fastmcp import FastMCP
 
-    # The bytecode of the runtime belongs into the environment, never beside the committed server.
+    # The bytecode of the runtime belongs in the environment, never beside the committed server.
     sys.pycache_prefix = str(Path(sys.prefix, "bytecode"))
     module = types.ModuleType("server")
     module.__file__ = str(path)

@@ -453,9 +453,9 @@ WRONG |= {
     "later: reading 6": ("raspberry", line("i2c-envsense2", "temperature = 21.5"), TEXT, "copy what the syst"),
     "later: serial tail": ("laptop", line(DISK, "nvme[0].firmware: 0001733"), TEXT, "copy what the syst"),
     "later: ip": ("laptop", line(WIFI, "inet 192.168.1.23"), TEXT, "copy what the syst"),
-    "later: devpath": ("bench", line(MOUSE, "handlers: mouse0 event3"), INSTANCE, "it belongs into `inst"),
-    "later: busnum": ("rig", line(ARM, "Bus 001 Device 004"), INSTANCE, "it belongs into `inst"),
-    "later: node name": ("bench", line(LINE, "DEVNAME=ttyUSB0"), INSTANCE, "it belongs into `inst"),
+    "later: devpath": ("bench", line(MOUSE, "handlers: mouse0 event3"), INSTANCE, "it belongs in `inst"),
+    "later: busnum": ("rig", line(ARM, "Bus 001 Device 004"), INSTANCE, "it belongs in `inst"),
+    "later: node name": ("bench", line(LINE, "DEVNAME=ttyUSB0"), INSTANCE, "it belongs in `inst"),
     "later: sysfs": (
         "rig",
         line(CAMERA, "looking at device '/devices/pci0000:00/0000:00:14.0/usb1'"),

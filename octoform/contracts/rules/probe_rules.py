@@ -262,7 +262,7 @@ _COPY = (
     "copy what the system shows, letter by letter; the next stage decides what the device is; "
     "write a reading that changes nowhere"
 )
-_ALONE = "it belongs into `instance` alone, so that two hosts of the same kind have the same text; take it out"
+_ALONE = "it belongs in `instance` alone, so that two hosts of the same kind have the same text; take it out"
 _WORD = re.compile(r"[^\W_]+")
 _ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
 _NUMBERED = re.compile(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")

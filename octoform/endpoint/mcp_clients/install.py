@@ -156,7 +156,7 @@ def _write(path: Path, data: bytes, mode: int) -> None:
 
 def unwritable(path: Path, reason: str) -> Diagnostic:
     """CLIENT-UNWRITABLE."""
-    hint = "nothing was changed; octoform connect -print CLIENT prints what belongs into it"
+    hint = "nothing was changed; octoform connect -print CLIENT prints what belongs in it"
     return error("CLIENT-UNWRITABLE", f"{path.name} is left alone: {reason}", path=str(path), hint=hint)
 
 

@@ -171,7 +171,7 @@ def execute(server: Path, watch: Watch) -> dict[str, object]:
     module = types.ModuleType("server")
     module.__file__ = str(server)
     sys.modules["server"] = module
-    # The bytecode of the runtime belongs into the environment, never beside the committed server.
+    # The bytecode of the runtime belongs in the environment, never beside the committed server.
     sys.pycache_prefix = str(Path(sys.prefix, "bytecode"))
     watch.active = True
     try:

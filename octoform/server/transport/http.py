@@ -414,7 +414,7 @@ class _Refusals:
             await JSONResponse(document, status, {"Connection": "close"})(scope, receive, noted)
             return
         if _has_token(scope.get("query_string", b"")):
-            text = "a token belongs into the Authorization header, never into the address"
+            text = "a token belongs in the Authorization header, never into the address"
             await JSONResponse({"error": "invalid_request", "error_description": text}, 400)(scope, receive, noted)
             return
         with anyio.CancelScope() as under_way:

@@ -269,7 +269,7 @@ def guess_under_unknown(value: JsonObject, artifacts: Artifacts) -> list[Diagnos
         if unsaid and all(text.isascii() for text in (str(entry["name"]), str(entry["raw_descriptor"]))):
             summary = f"{display(device['id'])} is unknown, and is called {listed(unsaid)}, which is in no string of it"
             where = pointer("devices", index, "identified_as")
-            hint = "call it by its own strings, or by its kind of wiring; what it might be belongs into no artifact"
+            hint = "call it by its own strings, or by its kind of wiring; what it might be belongs in no artifact"
             out.append(error("IDENTIFY-UNKNOWN-NAMED", summary, pointer=where, hint=hint))
     return out
 

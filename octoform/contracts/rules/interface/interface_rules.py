@@ -124,7 +124,7 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
         strange = sorted(word for word in ({*tokens(tool["name"])} - known) & words if _is_own(word))
         if strange:
             summary = f"the tool name {display(tool['name'])} has {listed(strange)} of a product in it"
-            hint = f"call it {display(tool['capability'])}; the product belongs into the description"
+            hint = f"call it {display(tool['capability'])}; the product belongs in the description"
             out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=pointer("tools", index, "name"), hint=hint))
         for name, member in (tool["input_schema"].get("properties") or {}).items():
             text = f"{tool['description'].partition('Through:')[0]} {member.get('description', '')}"
@@ -134,7 +134,7 @@ def product_in_name(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
             coined = makers.union(_coined(lines)).intersection(own)
             if own and (len(strange) > 1 or coined) and len(tokens(name)) > len(own):
                 summary = f"the parameter {display(name)} of {display(tool['name'])} has {listed(strange)} of a product"
-                hint = "call it by what it means to any product; the product belongs into the description"
+                hint = "call it by what it means to any product; the product belongs in the description"
                 where = pointer("tools", index, "input_schema", "properties", name)
                 out.append(error("INTERFACE-NAME-PRODUCT", summary, pointer=where, hint=hint))
     return out

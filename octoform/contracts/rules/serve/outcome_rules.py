@@ -192,9 +192,7 @@ def set_not_read(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """What a tool sets is what is read afterwards: whole, not capped before INTERFACE's maximum, not put back."""
     source = needed_source(value)
     calls = Calls(source, artifacts)
-    hint = (
-        "write the whole of what was asked for and leave it; a smaller range or coarser steps belong into INTERFACE, "
-    )
+    hint = "write the whole of what was asked for and leave it; a smaller range or coarser steps belong in INTERFACE, "
     hint += "as minimum, maximum and multipleOf"
     out: dict[ast.AST, Diagnostic] = {}
     for tool, _ in calls.served.values():
@@ -223,7 +221,7 @@ def program_given_less(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A program that sets something is given what the caller passes: that percentage, over the whole range."""
     source = needed_source(value)
     calls = Calls(source, artifacts)
-    hint = "give the program the whole of what was asked for; a smaller range belongs into INTERFACE, as maximum"
+    hint = "give the program the whole of what was asked for; a smaller range belongs in INTERFACE, as maximum"
     out: dict[ast.AST, Diagnostic] = {}
     for tool, _ in calls.served.values():
         settable = (tool["input_schema"].get("properties") or {}) if tool["effect"] != "read" else {}
@@ -293,7 +291,7 @@ def argument_cut(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A reading uses the whole range of its argument, and so does a wait: none is cut off at a number of the server."""
     source = needed_source(value)
     calls = Calls(source, artifacts)
-    hint = "use what the caller passes as it is; a smaller range belongs into INTERFACE, as minimum and maximum"
+    hint = "use what the caller passes as it is; a smaller range belongs in INTERFACE, as minimum and maximum"
     out: dict[ast.AST, Diagnostic] = {}
     for tool, function in calls.served.values():
         for name, member in (tool["input_schema"].get("properties") or {}).items():

@@ -46,7 +46,7 @@ def not_implemented(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """Every tool does something: none only raises, none has an empty body, and one that reads gives something back."""
     source = needed_source(value)
     flow = flow_of_tools(source, artifacts)
-    hint = "write what the tool does; a tool that cannot be written belongs into left_out of INTERFACE, not here"
+    hint = "write what the tool does; a tool that cannot be written belongs in left_out of INTERFACE, not here"
     out = []
     for site, tool in served_tools(source, artifacts):
         for function in tool_functions(source, site):

@@ -43,7 +43,7 @@ def coarse_reading(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A quantity keeps the steps in which it was read: it is not rounded to tens."""
     source = needed_source(value)
     calls = Calls(source, artifacts)
-    hint = "return the number as it was read; coarse steps belong into output_schema, as multipleOf"
+    hint = "return the number as it was read; coarse steps belong in output_schema, as multipleOf"
     out: dict[ast.AST, Diagnostic] = {}
     for tool, function in calls.served.values():
         declared = str(tool.get("output_schema")).casefold()
