@@ -115,10 +115,13 @@ _COLOURED = ("colour", "color", "hue", "saturation", "rgb")
 _ELECTRIC = ("meter", "multimeter", "supply", "battery", "analyser", "analyzer")
 _SPUN = ("fan", "pump", "motor", "stepper", "spindle", "conveyor", "wheel", "mixer", "centrifuge")
 _MOVED = (*_SPUN, "arm", "robot", "servo", "rail", "gantry", "stage", "slider", "axis", "joint", "gripper", "valve")
+_HEATED = ("heater", "heat", "heating", "oven", "furnace", "kiln", "thermostat", "hotplate")
 _QUANTITIES: dict[str, tuple[str, ...]] = {
     **dict.fromkeys(_COLOURED, _COLOURED),
-    **dict.fromkeys(("temperature", "temperatures"), ("thermometer", "thermostat", "thermocouple", "celsius", "degc")),
-    **dict.fromkeys(("heater", "heat", "heating"), ("heater", "heating", "oven", "furnace", "thermostat", "hotplate")),
+    **dict.fromkeys(
+        ("temperature", "temperatures"), ("thermometer", "thermocouple", "celsius", "degc", "degrees", "grad", *_HEATED)
+    ),
+    **dict.fromkeys(("heater", "heat", "heating"), _HEATED),
     "humidity": ("hygrometer", "moisture", "weather"),
     "pressure": ("barometer", "manometer", "weather", "vacuum"),
     "voltage": (*_ELECTRIC, "voltmeter", "volt", "volts"),

@@ -46,7 +46,11 @@ _QUALITIES: dict[str, tuple[str, ...]] = {
     "wireless": ("net", "ieee80211", "bluetooth", "rfkill", "usb-e0", "wwan"),
     "infrared": ("rc", "lirc"),
     "stereo": ("sound", "hdaudio"),
-    **dict.fromkeys(("fingerprint", "oled", "laser", "depth", "rfid", "nfc", "fhd", "uhd"), ()),
+    "ir": ("rc", "lirc"),
+    "tv": ("dvb",),
+    **dict.fromkeys(("fingerprint", "oled", "laser", "depth", "rfid", "nfc", "fhd", "uhd", "3d", "quad"), ()),
+    **dict.fromkeys(("microscope", "telescope", "oscilloscope", "multimeter", "barcode", "biometric", "projector"), ()),
+    **dict.fromkeys(("phone", "telephone", "aquarium", "weather", "synthesizer", "thermostat"), ()),
 }
 """Words of class that make another product of a thing, and the classes from which they follow."""
 _AS_QUALITY = {"wireless": frozenset({"wifi", "wlan", "radio", "bluetooth", "rf", "dongle", "receiver"})}

@@ -12,7 +12,7 @@ from typing import Any
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.device_kinds import speaks_bytes
-from octoform.contracts.model import Artifacts, JsonObject, Rule
+from octoform.contracts.model import Artifacts, JsonObject, ProfileFacts, Rule
 from octoform.contracts.movement_words import unknown_units
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.interface import subject_rules
@@ -217,11 +217,12 @@ _NUMBER_WORDS = ("two", "three", "four", "five", "six", "seven", "eight", "nine"
 _COUNTED = {word: number for number, word in enumerate(_NUMBER_WORDS, 2)}
 _PARTS = re.compile(
     rf"(?i)\b(\d+|{'|'.join(_COUNTED)}) (?:joints|axes|channels|relays|fans|motors|servos|zones|cores|megapixels?"
-    r"|mp|fps|frames per second|dpi|lumens|[mg]hz|[gt]b)\b"
+    r"|mp|fps|frames per second|dpi|lumens|[mg]hz)\b"
 )
 _ONLY_READS = re.compile(
     r"(?i)(?:^|[.;]\s*|\bit |\bthis |\btool )(?:is |it |this |tool )*(?:read-only\b|only reads\b|reads only\b"
-    r"|changes nothing\b|(?:does not|never) changes? anything\b|(?:is )?without (?:any )?effect)"
+    r"|(?:changes nothing|(?:does not|never) changes? anything)\b(?! (?:else|further|more|other|of|in|on)\b)"
+    r"|(?:is )?without (?:any )?effect)"
 )
 _READS_FIRST = re.compile(r"(?i)^\W*(?:reads?|measures?|lists?|monitors?)\s+(?:the|an?|its|one|all|each|every)\b")
 _FOR_GOOD = re.compile(
@@ -234,25 +235,26 @@ _BY_STEPS = re.compile(
 )
 _ANY_UNIT = re.compile(r'"units?": \{"type": "string"(?:, "(?:title|description)": "[^"]*")*\}')
 """A member of the result that states the unit of each value."""
+_FROM = re.compile(r"(?i)\b(?:from|between)\s$")
 _BAUD = re.compile(r"(?i)(?<![\d.,])(\d{3,7}) ?(?:baud|bd)\b")
 _BARE_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
 
 
 def _contradicted(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]]:
     """(what is wrong, the cure) of a description that its own tool contradicts."""
+    held = [facts for facts in artifacts.profiles.values() if not facts.holds.isdisjoint(tool["devices"])]
     text = tool["description"].partition("Through:")[0]
     own = json.dumps([tool["input_schema"], tool.get("output_schema"), tool.get("limits"), tool.get("units")])
     known = f"{own.casefold()}\n{known_text(tool, artifacts)}"
     if (units := unknown_units(text, known)) and not _ANY_UNIT.search(own):
         yield f"has {listed(units)}, which is no unit of its arguments, its result or its devices", _SAME_UNIT
-    if found := _effect_denied(tool, text):
+    if found := _effect_denied(tool, text, held):
         yield f"has {display(found[0])}, and its effect is {tool['effect']}", found[1]
     for found_at in _PARTS.finditer(text):
         number = _COUNTED.get(found_at[1].casefold(), found_at[1])
         if not re.search(rf"(?<![\d.]){number}(?![\d]|\.\d)", known):
             yield f"has {display(found_at[0])}, which no text of its devices has", "describe what IDENTIFY has of them"
             break
-    held = [facts for facts in artifacts.profiles.values() if not facts.holds.isdisjoint(tool["devices"])]
     described = held or not artifacts.answers.keys().isdisjoint(tool["devices"])
     for rate in _BAUD.findall(tool["description"]) if described else ():
         if rate not in known and not any(rate in str(facts.grammar) for facts in held):
@@ -309,21 +311,30 @@ def _beyond_schema(tool: JsonObject, text: str, numbers: set[float], own: str) -
         for found in _RANGE.finditer(sentence) if tool["effect"] != "read" and not _ASIDE.search(sentence) else ():
             unit = (found[3] or "").casefold()
             other = unit in _DURATIONS or (is_unit(unit) and unit not in own.casefold())
-            if not other and not {_float(found[1]), _float(found[2])} <= numbers:
+            low, high = _float(found[1]), _float(found[2])
+            part = not _FROM.search(sentence[: found.start()]) and any(_holds(each, low, high) for _, each in members)
+            if low < high and not other and not part and not {low, high} <= numbers:
                 yield f"has {display(found[0])}, which is no range of its schema", _SAME_BOUND
                 return
 
 
-def _effect_denied(tool: JsonObject, text: str) -> tuple[str, str] | None:
+def _effect_denied(tool: JsonObject, text: str, held: list[ProfileFacts]) -> tuple[str, str] | None:
     """(the words, the cure) by which a description has another effect than its tool."""
     acts = tool["effect"] != "read"
     if acts and (found := _ONLY_READS.search(text) or _READS_FIRST.search(text)):
         return found[0].strip(" .;"), "describe what it changes"
-    if tool["effect"] == "actuate" and (found := _FOR_GOOD.search(text)) and not _NEGATED.search(text[: found.start()]):
+    final = None if held or tool["effect"] != "actuate" else _FOR_GOOD.search(text)  # a profile states its effects
+    if (found := final) and not _NEGATED.search(text[: found.start()]):
         return found[0], "what a second call cannot undo is irreversible, in IDENTIFY first (`identify_errors`)"
     if acts and tool["annotations"]["idempotentHint"] and (found := _BY_STEPS.search(text)):
         return found[0].strip(" .;"), "idempotentHint is false where a second identical call changes something further"
     return None
+
+
+def _holds(member: JsonObject, low: float, high: float) -> bool:
+    """Whether a range is a part of that of a parameter: "1 to 10 is hardly seen"."""
+    least, most = member.get("minimum"), member.get("maximum")
+    return isinstance(least, int | float) and isinstance(most, int | float) and least <= low and high <= most
 
 
 def _plain(number: Any) -> float:
