@@ -392,6 +392,11 @@ _IN_UNIT = re.compile(
 _COMPARED = re.compile(r"(?i)\b(?:not|no|never|nor|instead|rather|neither|or|without)\b")
 
 
+def names_unit(text: str) -> bool:
+    """Whether a description states that something is in a unit."""
+    return _IN_UNIT.search(text) is not None
+
+
 def unknown_units(text: str, known: str) -> list[str]:
     """The units in which a description has something, and that are nowhere in what is known: ``in gigabytes``."""
     found, plain = [], ""

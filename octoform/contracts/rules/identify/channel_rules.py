@@ -11,8 +11,8 @@ from typing import Any
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_of_text
-from octoform.contracts.model import Artifacts, JsonObject, Rule
-from octoform.contracts.movement_words import unknown_units
+from octoform.contracts.model import Artifacts, JsonObject, ProfileFacts, Rule
+from octoform.contracts.movement_words import names_unit, unknown_units
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.diagnostics import Diagnostic, error
@@ -153,25 +153,25 @@ def profile_widened(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
                 hint = "copy the parameters of a command from the profile; a range may be narrower"
                 out.append(error("IDENTIFY-PROFILE-WIDENED", summary, pointer=where, hint=hint))
         if facts is not None and command:
-            known = f"{command} {facts.limits} {facts.grammar} {facts.product}"
-            out += _beyond(capability, known, bool(facts.grammar), pointer("devices", index, "capabilities", at))
+            out += _beyond(capability, command, facts, pointer("devices", index, "capabilities", at))
     return out
 
 
-def _beyond(capability: JsonObject, known: str, whole: bool, where: str) -> Iterator[Diagnostic]:
+def _beyond(
+    capability: JsonObject, command: Mapping[str, Any], facts: ProfileFacts, where: str
+) -> Iterator[Diagnostic]:
     """The findings for numbers and units in the prose of a command that its profile does not have."""
     for member in ("description", "via"):
-        if strange := _strange(capability[member], known, with_numbers=whole or member == "description"):
+        text = str(capability[member])
+        if text == command.get("about"):
+            continue  # it is the profile's own
+        numbers = _FREE_NUMBER.findall(text) if facts.grammar or member == "description" else []
+        known = f"{command} {facts.limits} {facts.grammar} {facts.product}" if numbers or names_unit(text) else ""
+        own = set(_NUMBER.findall(known))
+        if strange := [*(each for each in numbers if each not in own), *unknown_units(text, known)]:
             summary = f"the {member} of {display(capability['name'])} has {listed(strange)}, which its profile has not"
             hint = "describe a command as the profile does, with its numbers and its units"
             yield error("IDENTIFY-PROFILE-WIDENED", summary, pointer=f"{where}/{member}", hint=hint)
-
-
-def _strange(text: str, known: str, with_numbers: bool) -> list[str]:
-    """The numbers and the units of a description that are not in what is known."""
-    own = set(_NUMBER.findall(known))
-    numbers = [each for each in _FREE_NUMBER.findall(text) if each not in own] if with_numbers else []
-    return numbers + unknown_units(text, known)
 
 
 _FREE_NUMBER = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?(?![\w])")
