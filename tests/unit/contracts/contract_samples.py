@@ -205,15 +205,19 @@ LAMP_STATUS = ["lampctl", "--status"]
 @runtime.logged
 def capture(width: int) -> dict:
     """One picture of the camera."""
+    with runtime.bus("usb-1234-0001"):
+        return runtime.child.call(_picture, width)
+
+
+def _picture(width: int) -> dict:
     import cv2
 
-    with runtime.bus("usb-1234-0001"):
-        camera = cv2.VideoCapture(runtime.device("usb-1234-0001").node("video4linux"))
-        camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
-        try:
-            return {"ok": [camera.read()[0] for _ in range(5)][-1]}
-        finally:
-            camera.release()
+    camera = cv2.VideoCapture(runtime.device("usb-1234-0001").node("video4linux"))
+    camera.set(cv2.CAP_PROP_FRAME_WIDTH, width)
+    try:
+        return {"ok": [camera.read()[0] for _ in range(5)][-1]}
+    finally:
+        camera.release()
 
 
 @mcp.tool

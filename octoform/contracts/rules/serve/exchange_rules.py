@@ -13,7 +13,7 @@ from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, as_warning
 
 # How many pictures a generated server takes of a camera that it has opened, up to the one that it keeps.
 
@@ -152,6 +152,26 @@ def camera_not_flushed(value: str, _: Artifacts) -> list[Diagnostic]:
     return out
 
 
+def camera_in_server(value: str, _: Artifacts) -> list[Diagnostic]:
+    """A camera is opened in a process that ends: what its library took of the memory is free again."""
+    source = needed_source(value)
+    opened = [call for call, name in source.calls if name.rpartition(".")[2] == "VideoCapture"]
+    own = source.called_by_name
+    first = [call.args[0] for call, name in source.calls if name.endswith("child.call") and call.args]
+    apart = source.entered_from(own[each.id] for each in first if isinstance(each, ast.Name) and each.id in own)
+    here: list[ast.AST] = [call for call in opened if source.owner(call) not in apart]
+    here += [item for item in source.tree.body if opened and _imports(item, "cv2")]
+    summary = "the camera's library is loaded into the server, which then keeps some 40 MB of memory"
+    hint = "import it and open the camera in a function that runtime.child.call runs: child.call(picture, node)"
+    return [as_warning(source.problem("SERVE-CAMERA-IN-SERVER", node, summary, hint)) for node in here[:1]]
+
+
+def _imports(statement: ast.stmt, module: str) -> bool:
+    if isinstance(statement, ast.ImportFrom):
+        return (statement.module or "").partition(".")[0] == module
+    return isinstance(statement, ast.Import) and any(each.name.partition(".")[0] == module for each in statement.names)
+
+
 def line_speed(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     """A serial line is opened at a speed that is written down, and at the one that INTERFACE names."""
     source = needed_source(value)
@@ -264,6 +284,7 @@ RULES = (
     Rule("SERVE-LINE-WAIT", line_wait),
     Rule("SERVE-EXCHANGE-SPLIT", exchange_split),
     Rule("SERVE-CAMERA-NOT-FLUSHED", camera_not_flushed),
+    Rule("SERVE-CAMERA-IN-SERVER", camera_in_server),
     Rule("SERVE-LINE-SPEED", line_speed),
     Rule("SERVE-FRAME-BY-HAND", frame_by_hand),
 )
