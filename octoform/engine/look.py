@@ -16,6 +16,7 @@ from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.endpoint.client.terminal import Person
 from octoform.engine.plan.configuration import Compiled, compile_project
+from octoform.engine.plan.refresh import artifacts_there
 from octoform.manifest.model import Perception
 from octoform.perception import camera_selection
 from octoform.perception.camera_selection import best
@@ -79,13 +80,8 @@ def open_eye(
     compiled, found = compile_project(project, environ)
     if compiled is None:
         return None, found
-    problem = foreign(compiled.layout)
-    artifacts = {stage: _artifact(compiled.layout, stage) for stage in _STAGES}
-    absent = next((stage for stage in _STAGES if not artifacts[stage]), None)
-    if problem is None and absent is not None:
-        path = display(compiled.layout.output(absent))
-        summary = f"{absent} has no accepted output yet"
-        problem = error("ARTIFACT-MISSING", summary, path=path, hint="octoform apply makes it")
+    artifacts, missing = artifacts_there(compiled, _STAGES, _STAGES)
+    problem = foreign(compiled.layout) or missing
     if problem is not None:
         return None, [*found, problem]
     eye, more = _chosen(compiled, artifacts, device)
@@ -138,12 +134,6 @@ def save(taken: Taken, path: Path) -> Diagnostic | None:
     except OSError as problem:
         return refused(problem, path)
     return write_atomic(path, taken.data, 0o600)
-
-
-def _artifact(layout: Layout, stage: str) -> Mapping[str, Any]:
-    data, _ = read_regular(layout.output(stage))
-    value = parse(stage, data, str(layout.output(stage)))[0] if data is not None else None
-    return value if isinstance(value, dict) else {}
 
 
 def _chosen(

@@ -139,13 +139,17 @@ def _write(layout: Layout, index: _Index) -> Diagnostic | None:
 
 
 def _read(layout: Layout) -> _Index:
-    """The index; empty where there is none that can be used. Copies are believed by their digests, never by it."""
+    """The index; empty where there is none that can be used. Copies are believed by their digests, never by it.
+
+    Each node in it has at least one generation.
+    """
     data, _ = read_regular(layout.kept / _INDEX)
     try:
         nodes: Any = files.record(files.parse(data or b""), FORMAT)["nodes"]
         return {
             str(node): [{str(name): str(one) for name, one in each.items()} for each in generations]
             for node, generations in nodes.items()
+            if generations
         }
     except (ValueError, LookupError, TypeError, AttributeError):
         return {}  # made again by the next copy

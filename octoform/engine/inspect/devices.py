@@ -13,17 +13,16 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base import files
-from octoform.contracts.artifact_parser import parse
 from octoform.contracts.model import Artifacts
 from octoform.contracts.rules.raw_line_rules import is_raw_line, lines_answered_incompletely
-from octoform.diagnostics import Diagnostic, error, warning
+from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
+from octoform.engine.plan.refresh import artifacts_there
 from octoform.host import SYSROOT_VARIABLE
 from octoform.records import dataclass
 from octoform.state.artifact_cache import classes_of, read_instances
-from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 
 WHERE_SECONDS = 30.0
@@ -94,12 +93,10 @@ def listing(project: Path, environ: Mapping[str, str]) -> tuple[Listing | None, 
     if compiled is None:
         return None, found
     layout = compiled.layout
-    artifacts = {stage: _artifact(layout, stage) for stage in ("probe", "identify", "interface")}
-    absent = next((stage for stage in ("probe", "identify") if not artifacts[stage]), None)
-    if absent is not None:
-        hint = "run `octoform apply`; `-target identify` is enough to see the devices"
-        path = display(layout.output(absent))
-        return None, [error("ARTIFACT-MISSING", f"{absent} has no accepted output yet", path=path, hint=hint)]
+    needed = ("probe", "identify")
+    artifacts, problem = artifacts_there(compiled, (*needed, "interface"), needed)
+    if problem is not None:
+        return None, [problem]
     ledger, result = read_instances(layout)
     listed = _listed(layout, artifacts, ledger, environ, compiled.manifest.answers)
     listed = replace(listed, offers=device_knowledge.offered(artifacts, compiled))
@@ -146,12 +143,6 @@ def _listed(
     left = artifacts["identify"]["left_out"]
     out = tuple(LeftOut(item["id"], item["reason"], str(item.get("detail") or "")) for item in left)
     return Listing(layout.host, rows, out, ledger is not None)
-
-
-def _artifact(layout: Layout, stage: str) -> Mapping[str, Any]:
-    data, _ = read_regular(layout.output(stage))
-    value = parse(stage, data, str(layout.output(stage)))[0] if data is not None else None
-    return value if isinstance(value, dict) else {}
 
 
 def attached(layout: Layout, environ: Mapping[str, str], asked: Mapping[str, list[str]]) -> dict[str, Attached]:

@@ -1,6 +1,6 @@
 """Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from octoform.contracts.artifact_parser import parse
 from octoform.contracts.canonical import schema_path
 from octoform.contracts.contract_check import check, has_shape
 from octoform.contracts.model import Artifacts, ProfileFacts, StepFacts, corroborated
-from octoform.diagnostics import Diagnostic, Severity
+from octoform.diagnostics import Diagnostic, Severity, error
 from octoform.endpoint.drift import observe as observe_endpoint
 from octoform.engine.plan.configuration import Compiled
 from octoform.perception.camera_selection import Camera, best, cameras
@@ -24,6 +24,7 @@ from octoform.protocol import DUTIES, Step
 from octoform.records import dataclass
 from octoform.state.accepted import observe as observe_files
 from octoform.state.artifact_cache import read_instances
+from octoform.state.files import display, read_regular
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import NodeState, Snapshot
 
@@ -121,6 +122,23 @@ def read_artifacts(compiled: Compiled, snapshot: Snapshot, digests: Mapping[str,
         if value is not None and (as_accepted or has_shape(stage, value, compiled.schemas)):
             found[stage] = value
     return found
+
+
+def artifacts_there(
+    compiled: Compiled, stages: Sequence[str], needed: Sequence[str]
+) -> tuple[dict[str, Mapping[str, Any]], Diagnostic | None]:
+    """What lies there for the stages, empty for one without an artifact of its shape; an error where one is needed."""
+    found: dict[str, Mapping[str, Any]] = {}
+    for stage in stages:
+        path = compiled.layout.output(stage)
+        data, _ = read_regular(path)
+        value = parse(stage, data, str(path))[0] if data is not None else None
+        found[stage] = value if isinstance(value, dict) and has_shape(stage, value, compiled.schemas) else {}
+        if not found[stage] and stage in needed:
+            what = "has no accepted output yet" if data is None else "has an output that is damaged"
+            hint = "run `octoform apply`"
+            return found, error("ARTIFACT-MISSING", f"{stage} {what}", path=display(path), hint=hint)
+    return found, None
 
 
 def _complaints(compiled: Compiled, snapshot: Snapshot, artifacts: Mapping[str, Any], contract: str) -> dict[str, str]:

@@ -32,5 +32,10 @@ def test_it_needs_no_endpoint_and_shows_what_is_plugged_in_elsewhere(tmp_path: P
     assert stepper["now"]["strength"] == "strong"
     assert "HW-12-0042" not in json.dumps(listed)
     assert "serial number: HW-12-0042, committed as redacted-" in project.run("devices", "-v", status=0).out
+    output = project.state / "identify" / "output.json"
+    accepted = output.read_text()
+    output.write_text(accepted.replace('"evidence": [', '"evidence": 5, "was": [', 1))
+    assert "error[ARTIFACT-MISSING]: identify has an output that is damaged" in project.run("devices", status=1).err
+    output.write_text(accepted)
     (project.local / "instances.json").unlink()
     assert "does not know which units it has" in project.run("devices", status=0).out

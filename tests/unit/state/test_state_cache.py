@@ -57,11 +57,17 @@ def test_a_damaged_copy_or_index_gives_nothing_and_is_made_again(layout: Layout)
     assert artifact_cache.kept(layout, "serve") is None
     artifact_cache.keep(layout, "serve", FILES)
     assert artifact_cache.kept(layout, "serve") == FILES
-    for text in ("", "{", '{"format": 7, "nodes": {}}', '{"format": 1, "nodes": {"serve": [["x"]]}}'):
+    bent: tuple[object, ...] = ([["x"]], [], {}, "", 0, None)
+    for text in (
+        "",
+        "{",
+        '{"format": 7, "nodes": {}}',
+        *(json.dumps({"format": 1, "nodes": {"serve": one}}) for one in bent),
+    ):
         (layout.kept / "index.json").write_text(text)
         assert artifact_cache.kept(layout, "serve") is None
-    artifact_cache.keep(layout, "serve", FILES)
-    assert artifact_cache.kept(layout, "serve") == FILES
+        artifact_cache.keep(layout, "serve", FILES)
+        assert artifact_cache.kept(layout, "serve") == FILES
 
 
 def test_what_is_too_large_is_not_kept(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
