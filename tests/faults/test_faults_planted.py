@@ -14,6 +14,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import pytest
+from bench_host import bench_host
 from ordinary import OPEN_PYTHON, POSSIBLE, User, ordinary_user
 from projects import AGENT, OCTOFORM, Project
 
@@ -201,6 +202,7 @@ def of_user(user: User) -> Attacked:
     project = Project(user.place / "project", user.place / "outside")
     command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
     project.harness = f"{{name: command, command: {command}}}"
+    project.environ["OCTOFORM_SYSROOT"] = str(bench_host(project.outside / "host"))
     made = Attacked(project, user.place / "home", user.prefix)
     user.owns_all()
     return made

@@ -208,7 +208,8 @@ def rig_of(case: str, packaged: Callable[..., Path], tmp_path: Path, **manifest:
                 device["instance"]["serial"] = serials[device["id"]]["strings"]["serial"]
         path.write_text(json.dumps(probe))
         project = replaying(tmp_path, recording)
-        project.share_environments(packaged(*sorted(required(recording) - {"fastmcp", "pydantic"})))
+        # Of a folder of its own: the ranges of this agent's server lock other environments than the embedded agent's.
+        project.share_environments(packaged(*sorted(required(recording) - {"fastmcp"})))
         project.environ["OCTOFORM_SYSROOT"] = str(tmp_path / "tree")
         project.manifest |= manifest
         project.apply(status=0)

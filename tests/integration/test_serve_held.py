@@ -628,6 +628,10 @@ def reading_by(name: str, number: int) -> Edit:
 IMPORTS = uses("contextlib", "logging", "os", "serial", "subprocess", "tempfile")
 
 
+MEMORY = "SERVE-CAMERA-IN-SERVER"
+"""A warning about the server's memory, which these cases are not about."""
+
+
 @pytest.fixture(scope="module")
 def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Path]) -> dict[str, dict[str, str]]:
     """The errors of each wrong server, by what is wrong."""
@@ -642,7 +646,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
 @for_each("case", WRONG)
 def test_a_wrong_server_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
-    assert list(refused[case]) == [code] and found in refused[case][code], refused[case]
+    assert refused[case].keys() - {MEMORY} == {code} and found in refused[case][code], refused[case]
 
 
 def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Callable[..., Path]) -> None:
@@ -659,7 +663,8 @@ def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Cal
 @for_each("way", RIGHT, parts=2)
 def test_a_right_way_to_read_gives_no_finding(way: str, bench_server: tuple[Output, str]) -> None:
     interface, good = bench_server
-    assert serve_static(all_of(IMPORTS, reading_by(way, 0))(good), interface) == []
+    found = serve_static(all_of(IMPORTS, reading_by(way, 0))(good), interface)
+    assert [item for item in found if item.code != MEMORY] == []
 
 
 @pytest.fixture(scope="module")

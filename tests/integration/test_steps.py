@@ -125,7 +125,6 @@ def test_each_joint_was_moved_and_came_back_and_nothing_is_left_to_do(bench: Ben
     assert all(len(item["readings"]) >= 3 for item in found)
     given = json.loads((folder / "input.json").read_text())
     assert given["device"]["id"] == DEVICE and (folder / "server.py").read_bytes() == bench.server.read_bytes()
-    assert (folder / "runtime" / "units.py").is_file(), "what the code uses lies beside it"
     assert bench.is_in_sync()
     done = bench.project.run("apply", "-auto-approve", status=0)
     assert "0 added, 0 changed, 0 destroyed" in done.out

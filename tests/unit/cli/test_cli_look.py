@@ -16,6 +16,7 @@ from octoform.perception import capture
 from octoform.state.layout import Layout
 
 CAMERA, OTHER = "usb-1f00-00c1", "usb-1f00-00c2"
+PICTURE = {"name": "capture_image", "description": "One picture", "via": "OpenCV", "effect": "read"}
 SOURCE = '''
 import random, struct, zlib
 from pathlib import Path
@@ -59,19 +60,32 @@ def capture_image(device: str):
 
 
 def written(layout: Layout) -> None:
-    """The accepted artifacts of a host with two cameras, as far as looking reads them."""
-    devices = [{"id": name, "interface": "usb", "raw_descriptor": "", "instance": {}} for name in (CAMERA, OTHER)]
-    annotated = [{"id": name, "category": "sensor", "capabilities": []} for name in (CAMERA, OTHER)]
-    schema = {"type": "object", "properties": {"device": {"enum": [CAMERA, OTHER]}}, "required": ["device"]}
-    tools = [{**tool("capture_image", "read", CAMERA, OTHER), "capability": "capture_image", "input_schema": schema}]
+    """The accepted artifacts of a host with two cameras, in the shape that looking asks for and with little in it."""
+    cameras = (CAMERA, OTHER)
+    probe: dict[str, Any] = {
+        "platform": {"os": "linux", "arch": "x86_64"},
+        "scan_methods": [{"name": "sysfs", "status": "ok"}],
+    }
+    probe |= {"hostname": "bench", "timestamp": "2026-01-02T03:04:05Z"}
+    probe["devices"] = [{"id": one, "name": "Eye", "interface": "usb", "raw_descriptor": "eye"} for one in cameras]
+    known = {"identified_as": "Camera", "category": "sensor", "confidence": 0.9, "method": "kernel_class"}
+    known |= {"evidence": [{"quote": "eye"}], "capabilities": [PICTURE]}
+    schema = {"type": "object", "properties": {"device": {"enum": [*cameras]}}, "required": ["device"]}
+    offered = {**tool("capture_image", "read", *cameras), "capability": "capture_image", "description": "Look."}
+    offered |= {
+        "input_schema": schema,
+        "output_schema": {"type": "object"},
+        "limits": [],
+        "smoke": {"arguments": {"device": CAMERA}},
+    }
     for stage, value in (
-        ("probe", {"devices": devices}),
-        ("identify", {"devices": annotated}),
-        ("interface", {"tools": tools}),
+        ("probe", probe),
+        ("identify", {"devices": [{"id": one, **known} for one in cameras], "left_out": []}),
+        ("interface", {"tools": [offered], "left_out": []}),
     ):
         path = layout.output(stage)
         path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(json.dumps(value))
+        path.write_text(json.dumps({"format": 1, **value}))
 
 
 @pytest.fixture(scope="module")
