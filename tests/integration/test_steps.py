@@ -188,6 +188,7 @@ def test_a_rewritten_server_that_is_proved_takes_the_accepted_ones_place(bench: 
     assert done.status == 0, done.text
     nodes = bench.project.nodes()
     assert bench.server.read_text() == source.replace(MOVE, rewritten)
+    assert (bench.project.attempts("step.arm")[-1] / "runtime" / "units.py").is_file(), "what the code uses"
     assert nodes["serve"]["detail"]["rewritten"]["by"] == "step.arm"
     assert nodes["serve"]["key"] == before["serve"]["key"]
     assert nodes["serve"]["output_digest"] != before["serve"]["output_digest"]
