@@ -202,8 +202,8 @@ def of_user(user: User) -> Attacked:
     project = Project(user.place / "project", user.place / "outside")
     command = json.dumps([str(OPEN_PYTHON), str(AGENT), str(project.outside / "script.json")])
     project.harness = f"{{name: command, command: {command}}}"
-    project.environ["OCTOFORM_SYSROOT"] = str(bench_host(project.outside / "host"))
     made = Attacked(project, user.place / "home", user.prefix)
+    project.environ["OCTOFORM_SYSROOT"] = str(bench_host(project.outside / "host"))
     user.owns_all()
     return made
 
