@@ -38,11 +38,11 @@ class Subject:
 SUBJECTS: Mapping[str, Subject] = {
     item.name: item
     for item in (
-        Subject("pi", start_seconds=6.0),
+        Subject("pi", start_seconds=10.0),
         Subject("opencode", start_seconds=20.0),
         Subject("claude-code", model="anthropic/scripted", start_seconds=8.0),
         # It tries again after a 500, and never after a 429.
-        Subject("codex", start_seconds=6.0, differs={"500, 429, ok": Expected(ExitReason.RATE_LIMIT)}),
+        Subject("codex", start_seconds=10.0, differs={"500, 429, ok": Expected(ExitReason.RATE_LIMIT)}),
         # Its model's service has no words for broken arguments: it gets a broken call, and asks again in vain.
         Subject(
             "gemini-cli",
