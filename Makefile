@@ -62,8 +62,8 @@ test-harnesses: programs
 DEVICES := $(if $(SAMPLE),250,10000)
 recordings:
 	@.ci/setup recordings
-	@$(FROM_TESTS) -m recordings.run $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
-	@$(FROM_TESTS) -m recordings.generated --devices $(DEVICES)
+	@PYTHONPATH=tests:tests/support .ci/in-memory $(PYTHON) -m recordings.run $(DIR) $(if $(SAMPLE),--sample $(SAMPLE))
+	@PYTHONPATH=tests:tests/support .ci/in-memory $(PYTHON) -m recordings.generated --devices $(DEVICES)
 
 ARCHES := amd64 arm64
 vm:

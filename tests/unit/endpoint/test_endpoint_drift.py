@@ -1,5 +1,6 @@
 """Drift of the endpoint, seen cheaply; and its removal."""
 
+import hashlib
 import json
 import shutil
 import subprocess
@@ -141,14 +142,22 @@ def test_no_manifest_or_a_foreign_one_is_no_endpoint(layout: Layout, content: st
     assert facts.reasons == ("the endpoint is not there",)
 
 
-def test_observing_costs_less_than_ten_milliseconds(applied: Layout) -> None:
-    observe(applied)
-    spent = []
-    for _ in range(20):  # what else shares the processor's caches makes most of them dearer than they are
+def test_observing_costs_little_more_than_reading_the_files_once(applied: Layout) -> None:
+    files = [path for root in (applied.endpoint, applied.runtime) for path in root.rglob("*") if path.is_file()]
+
+    def cost(work: Callable[[], object]) -> float:
         before = time.process_time()
-        observe(applied)
-        spent.append(time.process_time() - before)
-    assert min(spent) < 0.010
+        work()
+        return time.process_time() - before
+
+    def read() -> None:
+        for path in files:
+            hashlib.sha256(path.read_bytes()).hexdigest()
+
+    observe(applied)
+    # What else shares the processor's caches makes most rounds dearer than they are. Measured: 2.2 times
+    rounds = [(cost(lambda: observe(applied)), cost(read)) for _ in range(20)]
+    assert min(spent for spent, _ in rounds) < 4 * min(least for _, least in rounds)
 
 
 def test_observing_imports_nothing_heavy() -> None:
