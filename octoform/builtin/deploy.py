@@ -25,12 +25,13 @@ from uv import find_uv_bin
 from octoform.base import shortage
 from octoform.base.files import head
 from octoform.builtin.task import Profiles, Task, TaskRefused
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # What a server's source declares: the dependencies in its header (PEP 723) and the modules that it imports.
 
-_BLOCK = re.compile(r"(?m)^# /// script\r?\n((?:^#(?: .*)?\r?\n)+?)^# ///\s*$")
-_REQUIREMENT = re.compile(r"^\s*([A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)\s*(?:\[[^\]]*\]\s*)?([^@/]*)$")
+_BLOCK = regex(r"(?m)^# /// script\r?\n((?:^#(?: .*)?\r?\n)+?)^# ///\s*$")
+_REQUIREMENT = regex(r"^\s*([A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)\s*(?:\[[^\]]*\]\s*)?([^@/]*)$")
 BESIDE = "runtime"
 
 
@@ -183,8 +184,8 @@ def conflicts(declared: Mapping[str, str], closure: Mapping[str, str]) -> tuple[
 # tool is pointed at the cache and the configuration of the user that it really runs as.
 
 TOTAL_SECONDS = 90.0
-_PINNED = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;]+)", re.MULTILINE)
-_CREDENTIALS = re.compile(r"(://)[^/@\s]+@")
+_PINNED = regex(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;]+)", re.MULTILINE)
+_CREDENTIALS = regex(r"(://)[^/@\s]+@")
 _REASON_CHARS = 400
 
 

@@ -42,6 +42,7 @@ from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import CLASS_ONLY, NOTHING, Identity, identity
 from octoform.builtin.description.product_names import GENERIC
 from octoform.builtin.task import Profiles, Task
+from octoform.patterns import regex
 
 # Makes a device unknown whose name the stage's contract would refuse, so that one string never ends an onboarding.
 #
@@ -72,10 +73,10 @@ _FILLER = frozenset(
         *("technologies", "semiconductor", "semiconductors", "labs", "laboratories", "devices", "company", "vendor"),
     )
 )
-_PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
-_MAKER_LINE = re.compile(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
-_APPOSITION = re.compile(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
-_STANDARD = re.compile(r"(?i)\brs[- ]?(232|422|485)\b")
+_PART_NUMBER = regex(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
+_MAKER_LINE = regex(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
+_APPOSITION = regex(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
+_STANDARD = regex(r"(?i)\brs[- ]?(232|422|485)\b")
 
 
 def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:

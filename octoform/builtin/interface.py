@@ -4,7 +4,6 @@ The budget is the task's number of tools, and the length that the protocol allow
 must not be promised here. Heavy: renders the server to see how long it gets (jinja2).
 """
 
-import re
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -15,6 +14,7 @@ from octoform.builtin.classes.macos import NO_TOOLS
 from octoform.builtin.description.class_model import Kind, Schema, one_of
 from octoform.builtin.serve.stage import MAX_LINES, line_count
 from octoform.builtin.task import Profiles, Task, TaskRefused
+from octoform.patterns import regex
 
 # The description of a tool's ``device`` parameter: which id is which product, as far as that is short and safe.
 #
@@ -23,7 +23,7 @@ from octoform.builtin.task import Profiles, Task, TaskRefused
 
 MAX_CHARS = 60
 NAME_CHARS = 48
-_UNSAFE = re.compile(r"[^A-Za-z0-9 .,()/+#_-]+")
+_UNSAFE = regex(r"[^A-Za-z0-9 .,()/+#_-]+")
 
 
 def legend(devices: Sequence[Mapping[str, Any]]) -> str:

@@ -24,8 +24,9 @@ from octoform.builtin.description.class_model import (
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import CLASS_ONLY, FULL, names_its_chip
 from octoform.builtin.task import Profiles, holding, parameters
+from octoform.patterns import regex
 
-_ROOT_HUB = re.compile(r"/usb\d+$")
+_ROOT_HUB = regex(r"/usb\d+$")
 _PCI_BUSES = ("06", "0c", "08", "05", "0604")
 _BUSES = frozenset(("pci_bus", "mdio_bus", "thunderbolt", "typec", "mei", "wmi", "nvmem", "rapidio", "memory"))
 _BUSES |= {"macos-usb-controller", "macos-thunderbolt"}
@@ -106,9 +107,9 @@ def unknown(device: Device) -> Claim:
 
 METHOD = "user_answer"
 MAX_EVIDENCE = 6
-_LEAD = re.compile(r"^(?:(?:this|it|that)(?: is|'s)\s+)?(?:(?:the|a|an|my|our)\s+)?", re.IGNORECASE)
-_END = re.compile(r"[.;!?](?:\s|$)|\n")
-_BESIDE = re.compile(r"\s(?:of|for|with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
+_LEAD = regex(r"^(?:(?:this|it|that)(?: is|'s)\s+)?(?:(?:the|a|an|my|our)\s+)?", re.IGNORECASE)
+_END = regex(r"[.;!?](?:\s|$)|\n")
+_BESIDE = regex(r"\s(?:of|for|with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
 # What the wire is; a sentence that names only the wire names no product behind it.
 _WIRES = frozenset(
     ("serial", "uart", "usart", "rs232", "rs422", "rs485", "ttl", "bridge", "i2c", "smbus", "spi", "jtag", "vcp")

@@ -4,7 +4,6 @@ Bounds are those of the protocol definition, narrowed by the limits of its profi
 the tool's limits, so that a client sees what the endpoint enforces.
 """
 
-import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -21,6 +20,7 @@ from octoform.builtin.description.class_model import (
     record,
 )
 from octoform.builtin.task import Profiles, TaskRefused, commands, parameters
+from octoform.patterns import regex
 
 # The answers of a protocol definition's tools, as schemas and in the sentences of their descriptions.
 #
@@ -177,7 +177,7 @@ def _of_axes(position: Mapping[str, Any], command: Mapping[str, Any]) -> dict[st
 
 WORTH = 95
 """The weight of a tool that a person described, above that of every tool that was merely found."""
-_WORD = re.compile(r"[^\s,;:()]+")
+_WORD = regex(r"[^\s,;:()]+")
 _IDEMPOTENT = ("stop", "set_torque", "pose", "move_unit", "move_units")
 """The idempotent actions: they name a goal, and no distance from the present position."""
 _TYPES = {"integer": WHOLE, "number": NUMBER, "string": TEXT, "boolean": FLAG}

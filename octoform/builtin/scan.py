@@ -20,18 +20,19 @@ from octoform.builtin.probe.commands import RECORDED
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.udev import FOLDER, JOINED, SERIAL, UdevDatabase, key_of
 from octoform.builtin.task import Task
+from octoform.patterns import regex
 
 MAX_FINDINGS = 500
 MAX_FOLDERS, MAX_FILES = 400, 4000
 _LINES = "raw_descriptor"
 _TEXTS = ("name", "interface")
-_WORD = re.compile(r"[^\W_]+")
-_COUNTED = re.compile(r"\b([a-z]{2,})(?=\d+\b)")
-_HEX = re.compile(r"(?:0x)?0*([0-9a-f]{1,8})h?")
-_VERSION = re.compile(r"(?<![\w.])v?(\d+(?:\.\d+)+)(?![\w.])")
-_CODE = re.compile(r"(?<![\w/])([0-9a-f]{1,2})/([0-9a-f]{1,2})/([0-9a-f]{1,2})(?![\w/])")
-_PCI_CODE = re.compile(r"(?m)^class_code: 0x([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})$")
-_AMOUNT = re.compile(r"([0-9]+)(?:x|v|w|ma|mw|hz|khz|mhz|ghz|kb|mb|gb|kib|mib|gib|m|g|mbps|gbps|bit|bits)")
+_WORD = regex(r"[^\W_]+")
+_COUNTED = regex(r"\b([a-z]{2,})(?=\d+\b)")
+_HEX = regex(r"(?:0x)?0*([0-9a-f]{1,8})h?")
+_VERSION = regex(r"(?<![\w.])v?(\d+(?:\.\d+)+)(?![\w.])")
+_CODE = regex(r"(?<![\w/])([0-9a-f]{1,2})/([0-9a-f]{1,2})/([0-9a-f]{1,2})(?![\w/])")
+_PCI_CODE = regex(r"(?m)^class_code: 0x([0-9a-f]{2})([0-9a-f]{2})([0-9a-f]{2})$")
+_AMOUNT = regex(r"([0-9]+)(?:x|v|w|ma|mw|hz|khz|mhz|ghz|kb|mb|gb|kib|mib|gib|m|g|mbps|gbps|bit|bits)")
 # How the parts of a device are called whatever it is: no word of these shows what it does.
 _STRUCTURE = frozenset(
     (
@@ -50,7 +51,7 @@ _STRUCTURE = frozenset(
     )
 )
 # What an attribute shows now and not tomorrow: no word of a kind. Names as the kernel's ABI documents have them.
-_READING = re.compile(
+_READING = regex(
     r"(?:.*_)?(?:input|now|raw|average|avg|level|capacity|temp|charge|energy|status|state|count|jiffies|time|usage|stat"
     r"|online|alarm|lowest|highest|brightness|power|runtime_.*|wakeup.*|urbnum|carrier.*|statistics|duration|offset)$"
 )
@@ -58,14 +59,14 @@ _BINARY = frozenset(("descriptors", "report_descriptor", "config", "rom", "eepro
 
 
 # A line whose key is one of these shows a reading, and what it shows is no number of a kind; a bound is one.
-_BOUND = re.compile(r"max|min|crit|design|rated|lowest_allowed|bound|limit|emergency|range|step|resolution")
+_BOUND = regex(r"max|min|crit|design|rated|lowest_allowed|bound|limit|emergency|range|step|resolution")
 _READING_WORDS = frozenset(("temp", "temperature", "capacity", "charge", "energy", "level", "brightness", "online"))
 _READING_WORDS |= {"value", "reading", "rpm", "speed", "voltage", "current", "humidity", "now", "percent", "status"}
 # What shows one copy, and no kind: its pieces are no words of the device, but where it stands whole it is hidden later.
 _OWN_ATTRIBUTES = frozenset(
     ("serial", "serial_number", "uniq", "address", "wwid", "uuid", "eui", "nguid", "cid", "unique_id")
 )
-_OWN_KEY = re.compile(r"(?:.*_)?(?:serial(?:_.*)?|uniq|address|uuid|wwid)")
+_OWN_KEY = regex(r"(?:.*_)?(?:serial(?:_.*)?|uniq|address|uuid|wwid)")
 # Programs that list hardware; an agent that reports one as worked has run it.
 _PROGRAMS = frozenset(
     (
@@ -75,7 +76,7 @@ _PROGRAMS = frozenset(
         *("system_profiler", "ioreg", "xinput", "edid-decode", "hdparm", "cyme", "lsdev", "lsiio", "iio_info"),
     )
 )
-_PROGRAM = re.compile(r"[a-z0-9][a-z0-9_-]+")
+_PROGRAM = regex(r"[a-z0-9][a-z0-9_-]+")
 _FOLDERS = (
     *("/usr/local/sbin", "/usr/local/bin", "/usr/sbin", "/usr/bin", "/sbin", "/bin", "/snap/bin"),
     *("/run/current-system/sw/bin", "/nix/var/nix/profiles/default/bin", "/opt/homebrew/bin"),

@@ -10,7 +10,6 @@ that the embedded agent ever knows of a product, and it knows it only from the o
 
 import json
 import os
-import re
 from collections.abc import Iterable, Mapping
 from dataclasses import field
 from fnmatch import fnmatchcase
@@ -18,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read_json, replace
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", "heal")
@@ -26,7 +26,7 @@ STEP = "step."
 """How the name of a privileged step begins; all of them are done by one stage of this agent."""
 FORMER = "former-output.json"
 """Where the output of the attempt before lies when it was refused."""
-_OF_DEVICE = re.compile(r"/devices/(\d+)(?:/.*)?")
+_OF_DEVICE = regex(r"/devices/(\d+)(?:/.*)?")
 DEFAULT_TOOLS = 30
 SYSROOT_VARIABLE = "OCTOFORM_SYSROOT"
 

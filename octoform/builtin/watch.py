@@ -6,6 +6,7 @@ from typing import Any
 
 from octoform.base.clock import parse_stamp
 from octoform.builtin.task import Task, TaskRefused
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # The input of WATCH as the embedded agent asks it: what is newest, what failed and is not over, what is attached.
@@ -107,9 +108,9 @@ _BY_KIND = {
 }
 _GONE = frozenset({"FileNotFoundError", "NotADirectoryError"})
 _ABSENT_VALUE = "NoneType"
-_LIBRARY = re.compile(r"cannot open shared object file|undefined symbol|wrong ELF class|GLIBC(?:XX)?_\d", re.IGNORECASE)
+_LIBRARY = regex(r"cannot open shared object file|undefined symbol|wrong ELF class|GLIBC(?:XX)?_\d", re.IGNORECASE)
 _RIGHT = frozenset({"PermissionError"})
-_FIXED_PLACE = re.compile(r"(?<![\w.])/dev/\w")
+_FIXED_PLACE = regex(r"(?<![\w.])/dev/\w")
 
 
 def class_of(failure: Mapping[str, Any], *, attached: bool | None) -> str:
@@ -152,7 +153,7 @@ _FIXES = {
     "dead_process": "start the server again",
     "device_moved": "look for the hardware again",
 }
-_ORDERS = re.compile(
+_ORDERS = regex(
     r"\b[a-z][a-z0-9+.-]{1,20}://\S|"
     r"(?<![\w.-])(?:sudo|curl|wget|chmod|chown|pip3?\s+install|apt(?:-get)?\s+install|rm\s+-|(?:ba|z)?sh\s+-c)(?![\w-])",
     re.IGNORECASE,

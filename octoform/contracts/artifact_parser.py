@@ -13,6 +13,7 @@ from typing import Any
 
 from octoform.base.escaping import display, flattened
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.patterns import regex
 
 MAX_JSON_BYTES = 8 * 1024 * 1024
 MAX_SOURCE_BYTES = 256 * 1024
@@ -20,8 +21,8 @@ MAX_DEPTH = 64
 MAX_DIGITS = 40
 _MAX_SOURCE_SHOWN = 200
 
-_TOKEN = re.compile(r'"[^"\\]*(?:\\.[^"\\]*)*"|-?[0-9][0-9.eE+-]*|-?[A-Za-z]+|[{}\[\],:]', re.DOTALL)
-_SURROGATE_ESCAPE = re.compile(r"\\u[dD][89a-fA-F]")
+_TOKEN = regex(r'"[^"\\]*(?:\\.[^"\\]*)*"|-?[0-9][0-9.eE+-]*|-?[A-Za-z]+|[{}\[\],:]', re.DOTALL)
+_SURROGATE_ESCAPE = regex(r"\\u[dD][89a-fA-F]")
 
 
 class _Refused(Exception):

@@ -7,6 +7,7 @@ class, or somebody has to say it: the device in its own strings, or its owner. N
 import re
 
 from octoform.contracts.model import JsonObject
+from octoform.patterns import regex
 
 RAW = frozenset(
     {"tty", "hid", "hidraw", "hiddev", "i2c", "i2c-adapter", "i2c-dev", "spi", "spidev", "usb", "usb_device", "usbmisc"}
@@ -15,12 +16,12 @@ RAW = frozenset(
 
 _VISION = "usb-ef-05"  # USB3 Vision: a camera to those who speak its protocol, and bytes to the kernel
 _USB_RAW = frozenset({"usb-02", "usb-03", _VISION})
-_USB_CLASS = re.compile(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)
+_USB_CLASS = regex(r"\bclass ([0-9a-f]{2})/[0-9a-f]{2}/[0-9a-f]{2}|^interface_class: ([0-9a-f]{2})", re.MULTILINE)
 # USB-IF, Defined Class Codes: audio, communications, HID, still image, printer, storage, smart card, video, medical,
 # radio, test and measurement; what is vendor specific (ff) or left to each interface (00) shows no way.
 _USB_WAYS = frozenset(("01", "02", "03", "06", "07", "08", "0b", "0e", "0f", "e0", "fe"))
 
-_USB_VISION = re.compile(r"\bclass ef/05/")
+_USB_VISION = regex(r"\bclass ef/05/")
 
 _PICTURE = ("video4linux", "usb-0e", "usb-06", _VISION, "media", "dvb", "drm", "graphics")
 _SOUND = ("sound", "usb-01", "bluetooth", "dvb", "hdaudio", "soundwire")
@@ -63,7 +64,7 @@ _CHANNELS = {"temperature": "temp", "temperatures": "temp", "humidity": "humidit
 _CHANNELS |= dict.fromkeys(("co2", "voc", "gas", "air", "dust"), "(?:mass)?concentration|resistance|gas|co2")
 _CHANNELS |= {"voltage": "in$|voltage|vdd", "voltages": "in$|voltage|vdd"}
 _CHANNELS |= {"fan": "fan|pwm", "fans": "fan|pwm", "illuminance": "illuminance|intensity", "acceleration": "accel"}
-_CHANNEL = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(?:in_)?([a-z_]+)\d*: ")
+_CHANNEL = regex(r"(?m)^(?:hwmon|iio)\[\d+\]\.(?:in_)?([a-z_]+)\d*: ")
 
 _POINTER = ("mouse", "touchpad", "trackpad", "trackball", "joystick", "gamepad", "touchscreen", "keyboard", "keypad")
 KINDS: dict[str, tuple[str, ...]] = {
@@ -135,11 +136,11 @@ CLASSES: dict[str, tuple[str, ...]] = {
 }
 """Words for a class alone: part of many a name, where they promise nothing, and as the class of a device a claim."""
 INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
-INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: ")
+INPUT_KINDS = regex(r"(?m)^input\[\d+\]\.kinds: ")
 """Where PROBE records which kinds of input a device sends, no other follows from its class."""
 
 
-_CAPTURES = re.compile(r"(?m)^video4linux\[\d+\]\.udev\.ID_V4L_CAPABILITIES: (.*)$")
+_CAPTURES = regex(r"(?m)^video4linux\[\d+\]\.udev\.ID_V4L_CAPABILITIES: (.*)$")
 """What udev found that a node of a camera can do; a node of metadata can do nothing."""
 
 

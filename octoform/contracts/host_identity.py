@@ -16,17 +16,18 @@ from typing import Any
 from octoform.base import serials
 from octoform.base.files import parse
 from octoform.contracts.model import JsonObject
+from octoform.patterns import regex
 
 UNKNOWN = "unknown"
 """The name of a host that shows none: nothing that has to be hidden."""
 MINIMUM_IN_TEXT = 6
 SHORTEST_NAME = 3
 """A host's name of fewer characters is hidden in its own member alone."""
-_PSEUDONYM = re.compile(r"redacted-[0-9a-f]{10}")
-ADDRESS = re.compile(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
-_IDENTIFYING = re.compile(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
+_PSEUDONYM = regex(r"redacted-[0-9a-f]{10}")
+ADDRESS = regex(r"(?<![0-9A-Fa-f:])(?:[0-9A-Fa-f]{2}:){5,19}[0-9A-Fa-f]{2}(?![0-9A-Fa-f:])")
+_IDENTIFYING = regex(r"serial|address|\bmac\b|uuid|guid|wwid|wwn|ssid|imei|eui|host", re.IGNORECASE)
 # What the system puts into a serial's place where a device has none: the numbers of maker and product (0424_9514).
-_KIND_NUMBERS = re.compile(r"[0-9A-Fa-f]{4}[_:][0-9A-Fa-f]{4}")
+_KIND_NUMBERS = regex(r"[0-9A-Fa-f]{4}[_:][0-9A-Fa-f]{4}")
 # Members that name a kind; a serial number that leaked into one is refused by a rule, not rewritten.
 _KIND_MEMBERS = frozenset({"id", "interface", "classes", "drivers", "vid", "pid", "class", "strength", "port"})
 
@@ -181,8 +182,8 @@ def hidden(value: str) -> bool:
 # is exchanged for another one, the same way wherever it is spelt, and the output is refused for the same reasons as
 # before.
 
-_PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"(\s*:\s*)"((?:[^"\\]|\\.)*)"')
-_MARK = re.compile("\ue0a7([0-9]{1,9})\ue0a8")
+_PAIR = regex(r'"((?:[^"\\]|\\.)*)"(\s*:\s*)"((?:[^"\\]|\\.)*)"')
+_MARK = regex("\ue0a7([0-9]{1,9})\ue0a8")
 
 
 def placeholder(secret: str, key: bytes) -> str:
@@ -260,7 +261,7 @@ def _exchanged(sign: str, drawn: int) -> str:
 # Ordinals are counted by place: without this, a second PROBE after a re-plug, or after the first of two twins went,
 # would give one the other's id, and with it its tools and a person's answers about it. Pure: values only.
 
-_ORDINAL = re.compile(r"(.+)-([2-9]|[1-9]\d+)")
+_ORDINAL = regex(r"(.+)-([2-9]|[1-9]\d+)")
 _CONTENT = ("name", "interface", "raw_descriptor", "vid", "pid")
 
 

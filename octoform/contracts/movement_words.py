@@ -9,6 +9,8 @@ from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
 from typing import Any
 
+from octoform.patterns import regex
+
 _SURE = """
     move rotate actuate nudge jog teleoperate telemanipulate replay mimic energize energise retract swivel grasp clamp
     squeeze relax disengage toggle activate deactivate enable disable modify alter overwrite erase recalibrate
@@ -42,7 +44,7 @@ _BEING = frozenset({"is", "are", "be", "being", "get", "gets", "becomes", "been"
 _ASKING = frozenset({"whether", "if", "when", "since", "what", "which", "how", "where", "nobody", "that"})
 _NOW = frozenset({"whether", "if", "while", "as", "when", "since", "what", "which", "how"})
 _THINGS = frozenset({"the", "a", "an", "it", "its", "each", "one", "all", "to", "there", "every", "them", "him"})
-_PHRASES = re.compile(
+_PHRASES = regex(
     r"\bgo(?:es|ing)?\s+(?:there|to|home|back|into)\b|\btorque\b[^.;]{0,24}\b(?:off|on|releas|enabl|disabl|switch|cut)"
     r"|\b(?:releas|switch|turn|enabl|disabl|cut)\w*\b[^.;]{0,20}\btorque\b|\bmak\w+\s+(?:\w+\s+){0,3}(?:move|go|turn)\b"
     r"|\bfollow(?:s|ing)?\s+(?:\w+\s+){0,3}(?:joint|arm|leader|hand|path|person|angle|trajectory|movement|motion)s?\b"
@@ -84,8 +86,8 @@ _PLACES = frozenset(
     {"in", "out", "output", "left", "right", "up", "down", "forward", "backward", "home", "arm", "source", "relay"}
 )
 """Orders that name one of several channels, joints or sensors as well."""
-_WORD = re.compile(r"[a-zà-ÿ0-9']+|[.!?;:,()\n\[\]]")
-_ORDER = re.compile(r"[gmGM]\d+")
+_WORD = regex(r"[a-zà-ÿ0-9']+|[.!?;:,()\n\[\]]")
+_ORDER = regex(r"[gmGM]\d+")
 _ORDERS_WORDS = """
     move mov goto go set on off out outp output home stop start rst reset open close step run jog torque goal turn
     write wr enable disable volt curr appl apply switch relay pwm servo fwd rev forward backward left right up
@@ -249,35 +251,33 @@ _FIGURE = r"(?<![\w.,-])[-+\u2212\u00b1]?\d+(?:[.,]\d+)?(?![\w-])"
 _NUMBER = r"(?<![\w.,-])([-+\u2212\u00b1]?\d+(?:[.,]\d+)?)"
 _UNIT = r"(?:\s?(?:\u00b0|%|[a-z\u00b5]{1,12}))?"
 _TO = r"\s*(?:\.\.+|\u2026|-|\u2013|\u2014|~|to|up to|bis|\u00e0|a|hasta|fino a|tot|til|till|do|\u0434\u043e)\s*"
-_RANGE = re.compile(rf"(?i){_NUMBER}{_UNIT}{_TO}([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])")
-_BETWEEN = re.compile(
+_RANGE = regex(rf"(?i){_NUMBER}{_UNIT}{_TO}([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])")
+_BETWEEN = regex(
     rf"(?i)\b(?:between|zwischen|entre|tra)\s+{_NUMBER}{_UNIT}\s*(?:and|und|et|y|e)\s*([-+\u2212]?\d+(?:[.,]\d+)?)(?![\d-])"
 )
-_ENDS = re.compile(
+_ENDS = regex(
     rf"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{{1,3}}{_NUMBER}[^.;\n\d]{{0,24}}?"
     r"\b(?:at most|max(?:imum|imal)?|no more than|h\u00f6chstens)\W{1,3}([-+\u2212]?\d+(?:[.,]\d+)?)"
 )
-_PAIR = re.compile(rf"[\[(]\s*{_NUMBER}\s*[,;]\s*([-+\u2212]?\d+(?:[.,]\d+)?)\s*[\])]")
+_PAIR = regex(rf"[\[(]\s*{_NUMBER}\s*[,;]\s*([-+\u2212]?\d+(?:[.,]\d+)?)\s*[\])]")
 _SPANS = (_BETWEEN, _RANGE, _ENDS, _PAIR)
 """The ways to write a range: "between 10 and 90", "0 to 4095", "at least 10, at most 90", "[0, 100]"."""
-_GROUPED = re.compile(r"(?<![\w.,])[1-9]\d{0,2}(?:[,'\u2019\u00a0\u202f]\d{3})+(?![\d\w])")
+_GROUPED = regex(r"(?<![\w.,])[1-9]\d{0,2}(?:[,'\u2019\u00a0\u202f]\d{3})+(?![\d\w])")
 """A number in groups of three digits: 4,095 is no decimal fraction, as 1,5 is one."""
-_LEAST = re.compile(r"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{1,3}$")
-_MOST = re.compile(
+_LEAST = regex(r"(?i)\b(?:at least|min(?:imum|imal)?|no less than|mindestens)\W{1,3}$")
+_MOST = regex(
     rf"(?i)\b(?:at most|no (?:more|further|faster|higher) than|not (?:more than|above|over|beyond)"
     r"|never (?:above|over|beyond)|exceeds?|exceeding|up to|below"
     rf"|max(?:imum|imal)?|limit(?:s|ed)?|at least|min(?:imum|imal)?|h\u00f6chstens|mindestens)\b"
     rf"\.?[^\d.;\n]{{0,20}}{_NUMBER}"
 )
-_MEASURED = re.compile(
+_MEASURED = regex(
     rf"(?i){_NUMBER}[\s-]?(?:\u00b0|%|(?:degrees?|deg|grad|percent|prozent|rad|mm|cm|m|\u00b5m|rpm|ms|s|secs?|seconds?"
     r"|minutes?|steps?|ticks?|counts?|turns?|channels?|relays?|outputs?|switch(?:es)?|valves?|lamps?|kan\u00e4le|n|nm|g|kg"
     r"|ml|l|bar|kpa|ma)\b)"
 )
-_ON_OFF = re.compile(
-    r"(?i)\b(?:on\s*(?:/|and|or|&)\s*off|off\s*(?:/|and|or|&)\s*on|(?:ein|an)\s*(?:/|und|oder)\s*aus)\b"
-)
-_NOT_BOUNDS = re.compile(
+_ON_OFF = regex(r"(?i)\b(?:on\s*(?:/|and|or|&)\s*off|off\s*(?:/|and|or|&)\s*on|(?:ein|an)\s*(?:/|und|oder)\s*aus)\b")
+_NOT_BOUNDS = regex(
     r"(?i)\busb-[0-9a-f]{4}-[0-9a-f]{4}(?:-\d+)?\b|\b[0-9a-f]{4}:[0-9a-f]{4}\b|\b\d{4}-\d\d-\d\d\b"
     r"|\d[\d .,]*\s?(?:k?baud|bd|bps|k?bit/s)\b|\b(?:baud(?: ?rate)?|speed of the line|firmware|version|revision"
     r"|rev|usb|mark|mk|port|model|release)\W{0,2}v?\d+(?:\.\d+)*|\b\d\s?(?:data|stop|start) ?bits?\b|\b[5-8][NEO][12]\b"
@@ -285,18 +285,18 @@ _NOT_BOUNDS = re.compile(
 """Numbers of an answer that bound nothing: of the line, a version, a date, a vendor and product id."""
 _COUNTS = {"two": "2", "three": "3", "four": "4", "five": "5", "six": "6", "seven": "7", "eight": "8"}
 _COUNTS |= {"ten": "10", "twelve": "12", "sixteen": "16"}
-_COUNTED = re.compile(rf"(?i)\b({'|'.join(_COUNTS)})(?=[ -](?:channels?|relays?|outputs?|switches|valves?|lamps?)\b)")
-_BOTH_WAYS = re.compile(
+_COUNTED = regex(rf"(?i)\b({'|'.join(_COUNTS)})(?=[ -](?:channels?|relays?|outputs?|switches|valves?|lamps?)\b)")
+_BOTH_WAYS = regex(
     r"(?i)\u00b1|\+/-|plus or minus|either (?:way|side|direction)|each (?:way|side)|both (?:ways|sides|directions)"
 )
-_STOPPING = re.compile(
+_STOPPING = regex(
     r"(?i)\b(?:stop(?:s|ped|ping)?(?!\W{0,2}bits?\b)|stopp(?:t|en)?|halt(?:s|ed|en)?|releas(?:e|es|ed|ing)(?!\W+v?\d)"
     r"|emergency|e-?stop|not-?aus|not-?halt|anhalten|(?:ab|aus)(?:ge)?schalte[nt]|abort(?:s|ed)?|brakes?|unplug(?:s|ged)?"
     r"|power(?:s|ed)? down|shut(?:s)? down|torque 0|off(?!\W(?:the\W)?shelf)|arr\u00eat\w*|parar|parada|detener"
     r"|fermare|arresto)\b"
     r"|\bein\s*(?:/|und|oder)\s*aus\b|\ban\s*(?:/|und|oder)\s*aus\b|\u505c|\u0441\u0442\u043e\u043f"
 )
-_NO_STOP = re.compile(
+_NO_STOP = regex(
     r"(?i)\b(?:no|not|non|never|without|cannot|can't|doesn't|don't|won't|unknown|unclear|kein\w*|nicht|ohne)$"
 )
 
@@ -384,12 +384,12 @@ _KNOWN_BY = {
     **dict.fromkeys(("milliamperes", "milliamps"), "milliamp|_ma\\b|\\bma\\b"),
     **dict.fromkeys(("rpm",), "rpm|revolution"),
 }
-_IN_UNIT = re.compile(
+_IN_UNIT = regex(
     r"(?i)\b(?:in|number of|amount of)\s+(?:whole\s+|degrees\s+(?=[ckf]))?("
     + "|".join(sorted(_KNOWN_BY, key=len, reverse=True))
     + r")\b"
 )
-_COMPARED = re.compile(r"(?i)\b(?:not|no|never|nor|instead|rather|neither|or|without)\b")
+_COMPARED = regex(r"(?i)\b(?:not|no|never|nor|instead|rather|neither|or|without)\b")
 
 
 def names_unit(text: str) -> bool:

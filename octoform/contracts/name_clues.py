@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from octoform.contracts.device_kinds import KINDS
+from octoform.patterns import regex
 
 _SEND = frozenset(
     {"send", "write", "transmit", "exec", "execute", "run", "transfer", "xfer", "forward", "inject", "issue", "tx"}
@@ -65,7 +66,7 @@ _ABOUT = frozenset(
     | {"presence", "availability"}
 )
 
-_PIPE = re.compile(
+_PIPE = regex(
     r"\b(?:raw|arbitrary|verbatim|any|custom|free-form|user-supplied|caller-supplied)\s+(?:\w+\s+){0,2}?"
     r"(?:bytes?|commands?|command string|packets?|messages?|requests?|quer(?:y|ies)|payloads?|strings?|scpi|g-?code"
     r"|registers?|frames? to|data to|instructions?|opcodes?|at commands?)\b"
@@ -78,13 +79,13 @@ _PIPE = re.compile(
     r"|\bas\s+(?:is|it\s+stands)\s+to\s+the\s+(?:device|line|bus|port)\b",
     re.IGNORECASE,
 )
-_ANYTHING = re.compile(
+_ANYTHING = regex(
     r"\b(?:hex(?:adecimal)?|bytes?|string|str|text|free|anything|any|characters?|verbatim"
     r"|(?:list|array|sequence) of (?:\w+ )?(?:integers?|ints?|numbers?|words?))\b",
     re.IGNORECASE,
 )
 _PLACES = frozenset({"path", "file", "filename", "attribute", "url", "topic", "node"})
-_CHOICE = re.compile(r"\bone of\b|\||\benum|\beither\b|\bpattern\b", re.IGNORECASE)
+_CHOICE = regex(r"\bone of\b|\||\benum|\beither\b|\bpattern\b", re.IGNORECASE)
 # As the verb of a name these say that something is other afterwards.
 _CHANGING = frozenset(
     {"set", "move", "turn", "switch", "toggle", "enable", "disable", "lock", "unlock", "rotate", "drive", "actuate"}
@@ -258,11 +259,11 @@ _CLASS_WORDS = """
     wheel wi wifi window wired wireless wlan xhci zone
 """
 _CLASS = frozenset(_CLASS_WORDS.split())
-_PART_NUMBER = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
-_MAKER_LINE = re.compile(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
-_APPOSITION = re.compile(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
-_HUMP = re.compile(r"(?<=[a-z0-9])(?=[A-Z])")
-_NO_WORD = re.compile(r"[^0-9a-z]+")
+_PART_NUMBER = regex(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
+_MAKER_LINE = regex(r"^[^:\n]*(?:manufacturer|vendor|maker)[^:\n]*:(.*)$", re.IGNORECASE | re.MULTILINE)
+_APPOSITION = regex(r"\s(?:with|via|through|behind|over|using|on)\s|[(,;:]", re.IGNORECASE)
+_HUMP = regex(r"(?<=[a-z0-9])(?=[A-Z])")
+_NO_WORD = regex(r"[^0-9a-z]+")
 
 
 def tokens(name: str) -> list[str]:

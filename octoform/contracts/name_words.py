@@ -8,23 +8,25 @@ import unicodedata
 from collections.abc import Iterable, Sequence
 from functools import lru_cache
 
-_ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
-_SPREAD = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][A-Za-z])")
+from octoform.patterns import regex
+
+_ESCAPE = regex(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}")
+_SPREAD = regex(r"(?<=[a-z])(?=[A-Z])|(?<=[0-9])(?=[A-Z][A-Za-z])")
 """The joints of camel case; a single capital behind a digit is part of a model's number."""
-_WORD = re.compile(r"[^\W_]+")
+_WORD = regex(r"[^\W_]+")
 # Spellings in which a digit belongs to the word before or behind it, and identifies no model.
 _JOINED: tuple[tuple[re.Pattern[str], str], ...] = (
-    (re.compile(r"(?i)\bps/2\b"), "ps2"),
-    (re.compile(r"\b([23])-?[Dd]\b"), r"\1d"),
+    (regex(r"(?i)\bps/2\b"), "ps2"),
+    (regex(r"\b([23])-?[Dd]\b"), r"\1d"),
 )
-_JOINED += ((re.compile(r"\bSoC\b"), "SOC"), (re.compile(r"\beMMC\b"), "EMMC"), (re.compile(r"\bm\.2\b", re.I), "m2"))
+_JOINED += ((regex(r"\bSoC\b"), "SOC"), (regex(r"\beMMC\b"), "EMMC"), (regex(r"\bm\.2\b", re.I), "m2"))
 # The language or the meaning of a word is the reason for a name that no string holds.
-_LANGUAGE = re.compile(
+_LANGUAGE = regex(
     r"(?i)\b(?:german|french|spanish|italian|portuguese|dutch|polish|czech|russian|ukrainian|chinese|japanese|korean"
     r"|turkish|arabic|hebrew|persian|swedish|danish|norwegian|finnish|hungarian|romanian|greek|hindi|thai|vietnamese"
     r"|english|translat\w*|means?)\b"
 )
-_PARTS = re.compile(r"[a-z]{3,}")
+_PARTS = regex(r"[a-z]{3,}")
 _MAX_RUN = 3
 
 

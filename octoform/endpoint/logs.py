@@ -6,7 +6,6 @@ too, before anything else sees them.
 """
 
 import os
-import re
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
@@ -17,6 +16,7 @@ from typing import IO, Any
 from octoform.base import clock
 from octoform.base.files import parse, stream
 from octoform.endpoint.access.tokens import kept_values
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.redaction import Redactor
 from octoform.state.layout import Layout
@@ -26,7 +26,7 @@ TAIL_BYTES = 4_000_000
 """How far back a log is read."""
 MAX_LINE = 1_000_000
 """Bytes after which a line counts as ended."""
-_STAMP = re.compile(r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:\d\d)?)")
+_STAMP = regex(r"\[?(\d{4}-\d\d-\d\d[T ]\d\d:\d\d:\d\d(?:[.,]\d+)?(?:Z|[+-]\d\d:\d\d)?)")
 
 
 @dataclass(frozen=True, slots=True)

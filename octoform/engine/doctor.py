@@ -5,7 +5,6 @@ Agents that are the same in program, settings and model are looked at once, what
 
 import importlib.metadata
 import os
-import re
 import shlex
 import shutil
 import sys
@@ -43,6 +42,7 @@ from octoform.harness.llm.token_prices import OWNERS, price_of
 from octoform.manifest.loader import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
@@ -292,7 +292,7 @@ NOTHING = {
     "replay": "it reads a recorded run",
 }
 SECONDS = 900.0
-_EXTRA = re.compile(r"""^([^;]+);\s*extra\s*==\s*['"]litellm['"]\s*$""")
+_EXTRA = regex(r"""^([^;]+);\s*extra\s*==\s*['"]litellm['"]\s*$""")
 
 
 @dataclass(frozen=True, slots=True)

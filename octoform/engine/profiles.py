@@ -11,6 +11,7 @@ from octoform.contracts.name_clues import is_chip_name
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.profile_paths import located
+from octoform.patterns import regex
 from octoform.profiles import Profile, load, match_rule
 from octoform.profiles.match_rule import Judged
 from octoform.records import dataclass
@@ -113,14 +114,12 @@ def _meets_something(rule: Judged) -> bool:
 
 FOLDER = "profiles"
 # A hidden serial number, where a value was cut, a character that cannot be shown, a pseudonym.
-_MARKS = re.compile(
+_MARKS = regex(
     r"<serial>|\[cut]|\\x1b(?:\[[0-9;]*[A-Za-z])?|\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\bredacted-[0-9]{10}\b"
 )
 # Words before the name of a product in a sentence about it, and words that begin a description of its place.
-_BEFORE = re.compile(r"^(?:(?:it's|that's|this|that|it|there|here|is|are|a|an|the|my|our|one)\b[ ,]*)+", re.IGNORECASE)
-_BEHIND = re.compile(
-    r"\s(?:on|of|at|in|under|over|behind|beside|near|for|which|that|with|and)\s|[,;()]|\.\s", re.IGNORECASE
-)
+_BEFORE = regex(r"^(?:(?:it's|that's|this|that|it|there|here|is|are|a|an|the|my|our|one)\b[ ,]*)+", re.IGNORECASE)
+_BEHIND = regex(r"\s(?:on|of|at|in|under|over|behind|beside|near|for|which|that|with|and)\s|[,;()]|\.\s", re.IGNORECASE)
 _DRAFT = """\
 ---
 name: {name}

@@ -5,7 +5,6 @@ now. Everything is gathered and checked in memory first; a folder is written as 
 """
 
 import os
-import re
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
@@ -28,6 +27,7 @@ from octoform.harness.recording import FILE_NAME, NAME
 from octoform.harness.recording import MAX_BYTES as MAX_RECORDING_BYTES
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.files import display, read_regular, refused
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
@@ -35,7 +35,7 @@ from octoform.state.store.lock import acquire
 
 # The folder of a recording on disk: written as a whole, and never in place of anything else that lies there.
 
-_NAME = re.compile(NAME)
+_NAME = regex(NAME)
 
 
 def check_target(target: Path) -> Diagnostic | None:

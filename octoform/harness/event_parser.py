@@ -5,12 +5,12 @@ program: a line that it does not understand is no event and no error.
 """
 
 import json
-import re
 from collections.abc import Iterable
 from typing import Any, Protocol
 
 from octoform.base.files import parse
 from octoform.harness.port import AgentEvent, ExitReason, ModelProblem
+from octoform.patterns import regex
 
 TEXT_LIMIT = 200
 
@@ -62,31 +62,31 @@ def one_line(value: object) -> str:
 _SIGNS = (
     (
         ExitReason.AUTH,
-        re.compile(
+        regex(
             r"(?i)\b40[13]\b|unauthor|forbidden|authentication|(?:invalid|missing).{0,12}(?:api.?key|token\b)|"
             r"api.?key.{0,8}(?:not valid|invalid|expired)"
         ),
     ),
     (
         ExitReason.REFUSED,
-        re.compile(
+        regex(
             r"(?i)(?:^|status(?: code)?:? |\"code\": ?|error:? |http )40[024]\b|payment.?required|"
             r"insufficient.{0,3}(?:credit|quota|funds|balance)|credit balance|"
             r"(?:unknown|unsupported|no such|invalid|not a valid).{0,3}model\b|"
             r"\bmodels?\b.{0,80}(?:not.?found|does(?: not|n't) exist|not (?:a )?(?:supported|valid|available))"
         ),
     ),
-    (ExitReason.RATE_LIMIT, re.compile(r"(?i)\b429\b|rate.?limit|too many requests|resource.?exhausted|quota")),
+    (ExitReason.RATE_LIMIT, regex(r"(?i)\b429\b|rate.?limit|too many requests|resource.?exhausted|quota")),
     (
         ExitReason.UNREACHABLE,
-        re.compile(
+        regex(
             r"(?i)\b5\d\d\b|overloaded|econn|enotfound|etimedout|eai_again|connect|network|fetch failed|socket|"
             r"stream (?:closed|ended|disconnected)|terminated|premature|timed? ?out|unavailable|internal.?server"
         ),
     ),
 )
 REFUSALS = (400, 402, 404)
-_TOO_LONG = re.compile(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,20}tokens")
+_TOO_LONG = regex(r"(?i)context|too (?:long|large|many tokens)|maximum.{0,20}tokens")
 """A conversation that has grown too long is one run's own doing; the next one may well do better."""
 
 

@@ -14,7 +14,6 @@ share it.
 """
 
 import json
-import re
 import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
@@ -27,6 +26,7 @@ from octoform.harness.containment.agent_environment import certificates
 from octoform.harness.program_location import RECORD, Located, Pin, folder, locate
 from octoform.harness.short_command import ShortRun, short_run, stated_version
 from octoform.manifest.credentials import masked
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 NPM_SECONDS = 900.0
@@ -56,7 +56,7 @@ NODE_FOR_SCRIPTS = (22, 0)
 """The oldest node for install scripts of programs that need none at run time."""
 NODE_SECONDS = 30.0
 NODE_OFFLINE = "connect the host, set the index (UV_DEFAULT_INDEX or PIP_INDEX_URL), or install node 22.19 with npm"
-_NODE_VERSION = re.compile(r"v?(\d+)\.(\d+)\.(\d+)")
+_NODE_VERSION = regex(r"v?(\d+)\.(\d+)\.(\d+)")
 Fetch = Callable[[str, Path], str | None]
 """Put one requirement (``name==version``) of the Python package index into a folder; why not, or None."""
 

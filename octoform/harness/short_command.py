@@ -5,7 +5,6 @@ to end by itself or to leave nothing behind.
 """
 
 import os
-import re
 import time
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -14,6 +13,7 @@ from tempfile import TemporaryDirectory
 from octoform.harness.containment import agent_environment
 from octoform.harness.containment.contained_run import Ended, Limits, Program, run
 from octoform.harness.program_location import Located
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 FILE_BYTES = 4 << 30
@@ -98,7 +98,7 @@ class _Keeper:
 
 SECONDS = 60.0
 REASON_CHARS = 300
-_VERSION = re.compile(r"\d+\.\d+(?:\.\d+)?[0-9A-Za-z.+-]*")
+_VERSION = regex(r"\d+\.\d+(?:\.\d+)?[0-9A-Za-z.+-]*")
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ login makes every other copy of it void, so that the owner would be logged out. 
 Whether a variable holds what can be a key at all, before anybody sends it. Light.
 """
 
-import re
 from collections.abc import Iterator, Mapping
 
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.redaction import found_in
 from octoform.redaction.forms import KEY_BEGIN, KEY_END
@@ -153,10 +153,10 @@ def split_model(model: str, harness: str) -> tuple[Provider, str]:
 __all__ = ["assigned_in", "found_in", "is_secret_name", "key_blocks", "masked"]
 
 _WORD = r"(?:(?:api|access|secret|private)[-_]?keys?|(?:auth[-_]?)?token|secrets?|pass(?:word|wd|phrase)|credentials?)"
-_SECRET_NAME = re.compile(rf"(?i)(?:^|.*[-_.]|-*){_WORD}")
-_ASSIGNMENT = re.compile(rf"(?i)(?<![A-Za-z]){_WORD}['\"]?\s*[=:]\s*['\"]?(?!\$)([^\s'\",}}\]]{{6,}})")
-_KEY_BEGINS = re.compile(KEY_BEGIN.source())
-_KEY_ENDS = re.compile(KEY_END.source())
+_SECRET_NAME = regex(rf"(?i)(?:^|.*[-_.]|-*){_WORD}")
+_ASSIGNMENT = regex(rf"(?i)(?<![A-Za-z]){_WORD}['\"]?\s*[=:]\s*['\"]?(?!\$)([^\s'\",}}\]]{{6,}})")
+_KEY_BEGINS = regex(KEY_BEGIN.source())
+_KEY_ENDS = regex(KEY_END.source())
 
 
 def assigned_in(text: str) -> list[tuple[int, int]]:

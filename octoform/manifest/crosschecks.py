@@ -4,7 +4,6 @@
 """
 
 import os
-import re
 from pathlib import Path
 
 from octoform.diagnostics import Span, did_you_mean
@@ -15,8 +14,9 @@ from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import Document, Stage
 from octoform.manifest.schema.harness import PROGRAMS
 from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
+from octoform.patterns import regex
 
-_PLACEHOLDER = re.compile(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
+_PLACEHOLDER = regex(r"\{\{|\}\}|(?<!\$)\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
 def check(document: Document, root: Table, report: ProblemList) -> None:

@@ -9,10 +9,11 @@ import re
 from urllib.parse import urlsplit
 
 from octoform.manifest.references import contains
+from octoform.patterns import regex
 
 URL_PATTERN = r"^(https?://[^\s/?#@]+(/[^\s?#@]*)?|\$\{[A-Za-z_][A-Za-z0-9_]*\}[^\s?#@]*)$"
 URL_HINT = "write where the API is, such as http://127.0.0.1:8080 or https://models.example.org/v1"
-_REFERENCE = re.compile(r"\$\{[^{}]*\}?")
+_REFERENCE = regex(r"\$\{[^{}]*\}?")
 _LOCAL_NAMES = ("localhost", "localhost.localdomain")
 
 

@@ -3,7 +3,6 @@
 Lines are attached only at the end: a secret found late must also be masked in a problem that was found early.
 """
 
-import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -12,6 +11,7 @@ from octoform.diagnostics import Diagnostic, Severity, Span, did_you_mean
 from octoform.manifest import credentials
 from octoform.manifest.model import FILE_NAME
 from octoform.manifest.yaml_tree import Loc
+from octoform.patterns import regex
 
 MAX_PROBLEMS = 30
 MAX_LINE = 500
@@ -113,7 +113,7 @@ _UTF8_BOM = b"\xef\xbb\xbf"
 _UTF16_BOMS = (b"\xff\xfe", b"\xfe\xff")
 # Control characters except tab and line feed, separators that editors disagree about, characters that change the
 # direction of what is displayed, and code points that are no characters.
-FORBIDDEN = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
+FORBIDDEN = regex("[\x00-\x08\x0b-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufffe\uffff]")
 _MAX_CHARACTERS = 10
 
 

@@ -5,7 +5,6 @@ and a path that leads elsewhere would mean something different on every machine.
 """
 
 import os
-import re
 from pathlib import Path
 
 from octoform.base.files import opened
@@ -15,9 +14,10 @@ from octoform.manifest.model import ProfileSource, TypedProfile
 from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.fields import is_typed
 from octoform.manifest.yaml_tree import Items, Scalar, Table
+from octoform.patterns import regex
 
 FOLDER = "profiles"
-_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,79}")
+_NAME = regex(r"[a-z0-9][a-z0-9_-]{0,79}")
 _WHAT = "a profile is a readable markdown file inside the project"
 
 

@@ -6,8 +6,10 @@
 import re
 from collections.abc import Mapping
 
-NAME = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
-_REFERENCE = re.compile(r"\$?\$\{([^{}]*)\}?")
+from octoform.patterns import regex
+
+NAME = regex(r"[A-Za-z_][A-Za-z0-9_]*")
+_REFERENCE = regex(r"\$?\$\{([^{}]*)\}?")
 
 
 def contains(text: str) -> bool:

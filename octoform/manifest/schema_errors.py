@@ -26,6 +26,7 @@ from octoform.manifest.schema.document import (
 from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confinement, ProgramHarness, table_of
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
+from octoform.patterns import regex
 
 # The words of the manifest's messages, apart from the rules: a message can be improved without reading the logic.
 
@@ -111,7 +112,7 @@ def dotted(loc: Loc) -> str:
     return out
 
 
-_NOT_FINITE = re.compile(r"[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN")
+_NOT_FINITE = regex(r"[-+]?(\.inf|\.Inf|\.INF)|\.nan|\.NaN|\.NAN")
 """What YAML 1.2 calls a number and no setting may be."""
 
 

@@ -20,6 +20,7 @@ from octoform.manifest.loader import load, parse
 from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.yaml_parser import read_tree
 from octoform.manifest.yaml_tree import Scalar, Table, data
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # One entry of a table of texts (``answers: {usb-...: "..."}``) written or removed by lines: no other byte moves.
@@ -28,8 +29,8 @@ from octoform.records import dataclass
 # blank. Where an entry is a line of its own, or none is there yet, that line alone is touched. (Heavy: the YAML
 # reader.)
 
-_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
-_END = re.compile(r"[\r\n]+$")
+_LINE = regex(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
+_END = regex(r"[\r\n]+$")
 INDENT = 2
 
 
@@ -146,7 +147,7 @@ def _line_end(lines: Sequence[str]) -> str:
 Value = str | int | bool | list[str]
 _BOM = "\ufeff"
 # The blanks before the first line that is nested in a table.
-_NESTED = re.compile(r"^[^\s#-][^\n]*:[ ]*(?:#[^\n]*)?\n(?:[ ]*(?:#[^\n]*)?\n)*([ ]+)[^\s#-]", re.MULTILINE)
+_NESTED = regex(r"^[^\s#-][^\n]*:[ ]*(?:#[^\n]*)?\n(?:[ ]*(?:#[^\n]*)?\n)*([ ]+)[^\s#-]", re.MULTILINE)
 _UNFOLDED = 1_000_000
 
 

@@ -1,6 +1,5 @@
 """Rules about the text of values, wherever they stand: references to variables, and secrets."""
 
-import re
 from collections.abc import Mapping
 
 from octoform.diagnostics import Span
@@ -11,10 +10,11 @@ from octoform.manifest.problem_list import ProblemList
 from octoform.manifest.schema.document import Document
 from octoform.manifest.schema.harness import Confinement, ModelHarness
 from octoform.manifest.yaml_tree import Loc, Node, Scalar, Table
+from octoform.patterns import regex
 
 _WHERE = "variables may be in `model`, `base_url`, `webhook` and the `command` of an agent only"
-_KEY_NAME = re.compile("[A-Z_][A-Z0-9_]{0,99}")
-_REFERENCE = re.compile(r"(?<!\$)\$\{[^{}]*\}?")
+_KEY_NAME = regex("[A-Z_][A-Z0-9_]{0,99}")
+_REFERENCE = regex(r"(?<!\$)\$\{[^{}]*\}?")
 
 
 def check_secrets(root: Node, report: ProblemList) -> None:

@@ -5,7 +5,6 @@ is constructed, so no tag can run anything; and anchors, aliases, merge keys and
 does not need, are refused where they stand instead of being expanded.
 """
 
-import re
 from dataclasses import dataclass, field
 
 from ruamel.yaml import YAML
@@ -25,10 +24,11 @@ from ruamel.yaml.events import (
 from octoform.diagnostics import Span
 from octoform.manifest.problem_list import FORBIDDEN, ProblemList, name_of
 from octoform.manifest.yaml_tree import Items, Node, Scalar, Table, plain_value
+from octoform.patterns import regex
 
 # What the YAML reader complains about, in words for the person who wrote the file. (Heavy: the reader's errors.)
 
-_INDENTATION = re.compile(r"[ ]*\t")
+_INDENTATION = regex(r"[ ]*\t")
 
 # Part of the reader's message -> what it means here, and what to do.
 _WORDS: tuple[tuple[str, str, str], ...] = (

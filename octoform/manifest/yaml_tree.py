@@ -4,11 +4,11 @@ Diagnostics need line and column of keys and values long after the text was pars
 checks needs none of it. This tree is between the two and knows neither the YAML reader nor pydantic.
 """
 
-import re
 from collections.abc import Iterator, Sequence
 
 from octoform.diagnostics import Span
 from octoform.manifest.model import KEEPERS, STAGES
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 Loc = tuple[str | int, ...]
@@ -53,11 +53,11 @@ Node = Scalar | Table | Items
 _NULL = {"", "~", "null", "Null", "NULL"}
 _BOOL = {"true": True, "True": True, "TRUE": True, "false": False, "False": False, "FALSE": False}
 _INTEGERS = (
-    (re.compile(r"[-+]?[0-9]{1,40}"), 10),
-    (re.compile(r"0o[0-7]{1,40}"), 8),
-    (re.compile(r"0x[0-9a-fA-F]{1,40}"), 16),
+    (regex(r"[-+]?[0-9]{1,40}"), 10),
+    (regex(r"0o[0-7]{1,40}"), 8),
+    (regex(r"0x[0-9a-fA-F]{1,40}"), 16),
 )
-_FLOAT = re.compile(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
+_FLOAT = regex(r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?")
 
 
 def plain_value(text: str) -> str | int | float | bool | None:

@@ -2,7 +2,6 @@
 
 import keyword
 import math
-import re
 from collections.abc import Collection, Mapping
 from dataclasses import field
 from typing import Any
@@ -10,15 +9,16 @@ from typing import Any
 from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 MAX_CHARS = 200
 MAX_UNIT = 40
 MAX_BAUD = 100_000_000
 LARGEST = 2**53
-PRINTABLE = re.compile(r"[ -~]+")
-NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_TOOL = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)+")
+PRINTABLE = regex(r"[ -~]+")
+NAME = regex(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_TOOL = regex(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)+")
 _RAW_VERBS = frozenset({"send", "write", "transmit", "execute", "run", "put", "forward", "query"})
 _RAW_NOUNS = frozenset(
     {

@@ -4,12 +4,12 @@ A protocol definition is a closed list of typed commands, so an agent can make o
 else: no line reaches the device that is not here, with parameters that keep to what is here.
 """
 
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
+from octoform.patterns import regex
 from octoform.profiles.definition_forms import (
     MAX_BAUD,
     PRINTABLE,
@@ -153,9 +153,9 @@ EFFECTS = ("read", "actuate", "irreversible")
 TYPES = ("integer", "number", "string", "boolean")
 FALSE_AND_TRUE = ("0", "1")
 MAX_COMMANDS, MAX_VALUES, MAX_CHOICES, MAX_AXES, MAX_LINES = 40, 12, 50, 12, 12
-_PLACEHOLDER = re.compile(r"\{([a-z][a-z0-9_]*)\}")
+_PLACEHOLDER = regex(r"\{([a-z][a-z0-9_]*)\}")
 # What stands between quotes in the server's own code, on one line.
-_WORD = re.compile(r"[ -~]{1,40}")
+_WORD = regex(r"[ -~]{1,40}")
 _NO_WORD = frozenset("'\"\\{}")
 _EXAMPLE = '{class: tty, baud: 115200, ok: "OK", error: "ERR {message}", timeout: 10s}'
 _COMMANDS = 'write commands: [{tool: lamp_off, send: "OFF", about: "switch the lamp off", effect: actuate}]'

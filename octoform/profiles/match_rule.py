@@ -9,15 +9,16 @@ import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 MAX_DEPTH = 8
 MAX_TESTS = 100
 TESTS = ("vid_pid", "text", "class", "driver", "interface")
 COMBINATIONS = ("any", "all", "not")
-_CLAUSE = re.compile(r"[,;!?\n]|\.(?=\s|$)|\bbut\b", re.IGNORECASE)
-_DENIAL = re.compile(r"\b(?:not|no|never|neither|nor|without|instead of|unlike)\b|n['\u2019]t\b", re.IGNORECASE)
-_VID_PID = re.compile(r"[0-9a-f]{4}:[0-9a-f]{4}")
+_CLAUSE = regex(r"[,;!?\n]|\.(?=\s|$)|\bbut\b", re.IGNORECASE)
+_DENIAL = regex(r"\b(?:not|no|never|neither|nor|without|instead of|unlike)\b|n['\u2019]t\b", re.IGNORECASE)
+_VID_PID = regex(r"[0-9a-f]{4}:[0-9a-f]{4}")
 
 Place = tuple[str | int, ...]
 Problem = tuple[Place, str, str | None]

@@ -14,6 +14,7 @@ from octoform import frontmatter
 from octoform.base import digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document, Place
+from octoform.patterns import regex
 from octoform.profiles import definition_parser, limits, match_rule
 from octoform.profiles.definition_forms import Found, near
 from octoform.profiles.match_rule import Rule
@@ -110,7 +111,7 @@ def _is_sentence(item: object) -> bool:
 STOP_FIELDS = ("class", "baud", "write")
 MAX_STOP_BYTES = 256
 MAX_ACTIONS = 20
-_CLASS = re.compile(r"[a-z0-9][a-z0-9_-]{0,63}")
+_CLASS = regex(r"[a-z0-9][a-z0-9_-]{0,63}")
 _EXAMPLE = '{class: tty, baud: 115200, write: "01 02 0A"}'
 
 Problem = tuple[Place, str, str | None]
@@ -165,8 +166,8 @@ PROGRAMS = frozenset(
     {"python", "py", "sh", "bash", "zsh", "shell", "console", "powershell", "c", "cpp", "c++", "rust", "go", "java"}
     | {"javascript", "js", "typescript", "ts", "ruby", "perl", "lua", "arduino", "ino", "sql", "html"}
 )
-_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
-_BLOCK = re.compile(r"^ {0,3}(?:```+|~~~+) *([A-Za-z+]+)", re.MULTILINE)
+_NAME = regex(r"[a-z0-9]+(?:-[a-z0-9]+)*")
+_BLOCK = regex(r"^ {0,3}(?:```+|~~~+) *([A-Za-z+]+)", re.MULTILINE)
 
 
 def load(sources: Iterable[Path | tuple[str, str]]) -> tuple[tuple[Profile, ...], list[Diagnostic]]:

@@ -4,11 +4,11 @@ Every name must lead to a field that is declared and every number must fit where
 writes follows from the text alone, and no tool can be made to write anything else.
 """
 
-import re
 from collections.abc import Callable, Mapping
 from typing import Any
 
 from octoform.frontmatter import Place
+from octoform.patterns import regex
 from octoform.profiles.definition_forms import MAX_BAUD, PRINTABLE, Found, is_value_name
 from octoform.profiles.registers import (
     CALIBRATED,
@@ -351,8 +351,8 @@ MAX_PROTOCOL = 2
 UNIT_TAKEN = ("position", "percent", "speed", "on")
 FIELD_TAKEN = ("id", "skipped", "calibrated", "from", "moved")
 """The members of a result for each unit beside its fields."""
-_DISTRIBUTION = re.compile(r"[A-Za-z0-9]+(?:[._-][A-Za-z0-9]+)*")
-_MODULE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*")
+_DISTRIBUTION = regex(r"[A-Za-z0-9]+(?:[._-][A-Za-z0-9]+)*")
+_MODULE = regex(r"[A-Za-z_][A-Za-z0-9_]*(?:\.[A-Za-z_][A-Za-z0-9_]*)*")
 _LIBRARY = "write library: {distribution: name-on-pypi, module: imported_as, protocol: 0}"
 
 

@@ -6,14 +6,13 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from octoform.patterns import regex
 from octoform.profiles import limits, match_rule
 from octoform.profiles.model import Profile, plain
 
 MAX_LINE, MAX_DEPTH = 100, 3
-_PACKAGING = re.compile(
-    r"\b(?:packages?|librar(?:y|ies)|modules?|imported|installs?|pip|PyPI|SDK|wheels?)\b", re.IGNORECASE
-)
-_PART = re.compile(r"\n\s*\n|\n(?=[-*] )")
+_PACKAGING = regex(r"\b(?:packages?|librar(?:y|ies)|modules?|imported|installs?|pip|PyPI|SDK|wheels?)\b", re.IGNORECASE)
+_PART = regex(r"\n\s*\n|\n(?=[-*] )")
 NO_ANSWERS: Mapping[str, str] = MappingProxyType({})
 
 

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 from octoform.base.escaping import escaped
 from octoform.base.files import stream
 from octoform.diagnostics import Diagnostic, Severity
+from octoform.patterns import regex
 from octoform.protocol.model import DUTIES, STEP, Spec
 from octoform.records import dataclass
 
@@ -63,7 +64,7 @@ MAX_DIAGNOSTICS = 20
 MAX_DIAGNOSTIC_CHARACTERS = 600
 _MORE = " ..."
 # Between two lines that no sign of their own joins.
-_LINE_END = re.compile(r"(?<=[^\s:;,.])\s*\n\s*")
+_LINE_END = regex(r"(?<=[^\s:;,.])\s*\n\s*")
 TEMPLATES = Path(__file__).parent / "templates"
 
 

@@ -4,7 +4,6 @@ The front matter states what a stage reads and writes. octoform's order of stage
 with it: a field that could be changed without effect would mislead its reader.
 """
 
-import re
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
 from os.path import lexists
@@ -15,6 +14,7 @@ from octoform import frontmatter
 from octoform.base import digest, durations
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
 from octoform.frontmatter import Document
+from octoform.patterns import regex
 from octoform.protocol.model import (
     DUTIES,
     FRAME,
@@ -42,7 +42,7 @@ CONSUMES = {
 """What a background task reads is put together for it (`input.json`); these are the artifacts that it is made from."""
 FIELDS = ("stage", "consumes", "produces", "schema", "budget")
 NOT_SPECS = ("README.md",)
-_DURATION = re.compile(r"[1-9][0-9]{0,5}(?:s|m|h)")
+_DURATION = regex(r"[1-9][0-9]{0,5}(?:s|m|h)")
 
 
 def load(folder: Path | None) -> tuple[dict[str, Spec], list[Diagnostic]]:
@@ -161,7 +161,7 @@ STEP_CONSUMES = ("identify/output.json", "interface/output.json", "serve/server.
 STEP_SCHEMA = f"{SCHEMAS}/step.v1.schema.json"
 STEP_FIELDS = ("step", "about", "profile", "proof", "consumes", "produces", "schema", "budget")
 PROOF_FIELDS = ("kind", "minimum", "unit", "settle")
-PROFILE_NAME = re.compile(r"[a-z0-9]+(?:-[a-z0-9]+)*")
+PROFILE_NAME = regex(r"[a-z0-9]+(?:-[a-z0-9]+)*")
 MAX_ABOUT = 200
 MAX_UNIT = 20
 MAX_SETTLE = 60

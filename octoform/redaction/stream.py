@@ -9,12 +9,13 @@ from collections.abc import Iterator, Mapping
 from functools import cache
 from typing import NamedTuple, Protocol
 
+from octoform.patterns import regex
 from octoform.redaction.forms import FORMS, KEY_BEGIN, KEY_END, KEY_PIECE, Form, spellings
 
 WARY_BYTES = 16 << 10
 """How far behind a private key that was left without its end line pieces of a key are still looked for."""
 BEHIND_KEY = ("end", "piece")
-_IN_KEY = re.compile(rb"[A-Za-z0-9+/=\\ \t\r\n:,-]*")
+_IN_KEY = regex(rb"[A-Za-z0-9+/=\\ \t\r\n:,-]*")
 
 
 class _Text(NamedTuple):

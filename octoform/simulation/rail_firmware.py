@@ -6,7 +6,6 @@ A movement takes its time, the lines that arrive meanwhile wait, and nothing int
 movement goes on to its end and the answer is lost.
 """
 
-import re
 import threading
 import time
 from collections.abc import Mapping
@@ -14,12 +13,13 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from octoform.base.clock import Clock
+from octoform.patterns import regex
 
 FAULTS = ("mute", "odd", "gone", "jammed", "late", "hot")
 # mute: does nothing and sends nothing. odd: answers nonsense. gone: the next line unplugs it. jammed: answers well and
 # does not move. late: moves and answers much later. hot: refuses every movement.
 _MAX_LINE = 64
-_NUMBER = re.compile(r"[+-]?\d{1,9}")
+_NUMBER = regex(r"[+-]?\d{1,9}")
 AXES = ("X", "Y")
 
 

@@ -21,7 +21,9 @@ import shutil
 from functools import lru_cache
 from pathlib import Path
 
-_ESCAPE = re.compile(rb"\\x([0-9a-fA-F]{2})|\\n|\{(\d+)\*(.)\}")
+from octoform.patterns import regex
+
+_ESCAPE = regex(rb"\\x([0-9a-fA-F]{2})|\\n|\{(\d+)\*(.)\}")
 
 
 class Planter:

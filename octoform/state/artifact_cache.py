@@ -20,6 +20,7 @@ from octoform.base.files import parse, private_folder
 from octoform.base.shape import INSTANCES as FORM
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 from octoform.state.accepted import contents
 from octoform.state.files import display, make_folders, read_regular, refused, write_atomic
 from octoform.state.layout import Layout
@@ -183,7 +184,7 @@ def _name(wanted: str) -> str:
 
 MAX_ASIDE = 30
 """Folders of damaged files that are kept; those with edits of committed files are never dropped by octoform."""
-_MARKER = re.compile(rb"^(<{7} |>{7} )", re.MULTILINE)
+_MARKER = regex(rb"^(<{7} |>{7} )", re.MULTILINE)
 
 
 class Damage(StrEnum):

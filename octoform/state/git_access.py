@@ -18,12 +18,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from octoform.base.files import head, read
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 if TYPE_CHECKING:
     from subprocess import CompletedProcess
 
-_REVISION = re.compile(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
+_REVISION = regex(r"^(?:[0-9a-f]{40}|[0-9a-f]{64})$")
 _DEPTH = 5
 SECONDS, LISTING_SECONDS = 300, 20
 """How long a call of git may take, and how long the list of its settings, which reads some small files."""

@@ -14,6 +14,7 @@ from pathlib import Path
 from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.files import display
 from octoform.state.git_access import (
@@ -32,7 +33,7 @@ _TAIL = 3000
 _MAX_NAMES = 200  # in one command line, which the system bounds
 _PLAIN = ("100644", "100755")
 """Modes of files in a tree: no links, no repositories within this one."""
-_INCLUDE = re.compile(r"include(if\..*)?\.path", re.DOTALL)
+_INCLUDE = regex(r"include(if\..*)?\.path", re.DOTALL)
 _FILES = ("core.attributesfile", "core.excludesfile", "mailmap.file", "commit.template")
 _HOOKS = (
     *("applypatch-msg", "pre-applypatch", "post-applypatch", "pre-commit", "pre-merge-commit", "prepare-commit-msg"),

@@ -3,11 +3,11 @@
 Privileged steps as words: they move hardware, so a plan states what, and why one would be skipped.
 """
 
-import re
 from collections.abc import Iterable, Sequence
 
 from octoform.base import digest
 from octoform.graph.model import ANSWER, STEP
+from octoform.patterns import regex
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, Reuse, StepOutlook
 from octoform.records import dataclass
 from octoform.views.format.values import one_line
@@ -17,11 +17,11 @@ from octoform.views.format.values import one_line
 # A modalias is made for a loader of drivers: a device has one for each of its parts, and its numbers stand among a
 # dozen others. The kernel documents the fields; only those that distinguish one product from another are kept here.
 
-_CLASS = re.compile(r"class:([^:]+):(\d+)")
+_CLASS = regex(r"class:([^:]+):(\d+)")
 _NUMBERED = (
-    ("USB device", re.compile(r"usb:v([0-9A-F]{4})p([0-9A-F]{4})")),
-    ("PCI device", re.compile(r"pci:v0000([0-9A-F]{4})d0000([0-9A-F]{4})")),
-    ("HID device", re.compile(r"hid:b[0-9A-F]{4}g[0-9A-F]{4}v0000([0-9A-F]{4})p0000([0-9A-F]{4})")),
+    ("USB device", regex(r"usb:v([0-9A-F]{4})p([0-9A-F]{4})")),
+    ("PCI device", regex(r"pci:v0000([0-9A-F]{4})d0000([0-9A-F]{4})")),
+    ("HID device", regex(r"hid:b[0-9A-F]{4}g[0-9A-F]{4}v0000([0-9A-F]{4})p0000([0-9A-F]{4})")),
 )
 _WORDS = {"acpi": "ACPI device", "scsi": "SCSI device", "mmc": "memory card", "i2c": "I2C device", "of": "board device"}
 _SCSI = {"t-0x00": "disk", "t-0x01": "tape", "t-0x05": "optical drive", "t-0x0d": "enclosure"}

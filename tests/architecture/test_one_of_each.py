@@ -31,6 +31,7 @@ IDEAS = {
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
     "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),
 }
+COPIED = ("base", "runtime", "server")
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
@@ -101,3 +102,19 @@ def test_a_constant_is_assigned_once() -> None:
     twice = {path.relative_to(ROOT).as_posix(): assigned_twice(path.read_text()) for path in FILES}
     assert {name: names for name, names in twice.items() if names} == {}
     assert assigned_twice("LIMIT, SIZE = 20, 4\nOTHER = 1\nLIMIT = 40\n") == ["LIMIT"]
+
+
+def compiled_at_import(source: str) -> list[int]:
+    """The lines on which a module compiles a regular expression while it is imported."""
+    nodes = parsed.nodes(source)
+    later = {id(node) for each in nodes if isinstance(each, ast.FunctionDef) for node in ast.walk(each)}
+    calls = [node for node in nodes if isinstance(node, ast.Call) and id(node) not in later]
+    return [node.lineno for node in calls if ast.unparse(node.func) == "re.compile"]
+
+
+def test_no_module_compiles_an_expression_at_its_import() -> None:
+    # What is copied beside a server has no `octoform.patterns`, and few expressions.
+    sources = {path: path.read_text() for path in FILES if path.relative_to(ROOT).parts[0] not in COPIED}
+    found = {path.name: compiled_at_import(source) for path, source in sources.items() if "re.compile(" in source}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+    assert compiled_at_import("A = re.compile('a')\ndef f():\n    re.compile('b')\nB = (re.compile('c'),)") == [1, 4]

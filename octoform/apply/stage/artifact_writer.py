@@ -2,7 +2,6 @@
 
 import hmac
 import json
-import re
 import secrets
 from collections.abc import Mapping
 from pathlib import Path
@@ -17,13 +16,14 @@ from octoform.base.files import read
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.host_identity import instances, judged, keep_ids, pseudonymise
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.files import read_regular, spending, write_atomic
 from octoform.state.layout import Layout
 
 KEY_BYTES = 32
 MACHINE_ID = Path("/etc/machine-id")
-_IS_MACHINE_ID = re.compile(rb"[0-9a-f]{32}")
+_IS_MACHINE_ID = regex(rb"[0-9a-f]{32}")
 RUNTIME = Path(octoform.__file__).parent / "runtime"
 
 

@@ -6,7 +6,6 @@ its log, and its copy of the spec where it was asked to correct that).
 """
 
 import json
-import re
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
@@ -39,6 +38,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.manifest.model import MODEL_FREE
+from octoform.patterns import regex
 from octoform.profiles import Profile, briefing, devices_of, for_task, packaging
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MAX_TAIL_BYTES, findings
@@ -57,7 +57,7 @@ MAX_CHECKS = 30
 """How often an attempt may ask: enough to fix one thing after the other, and no way to try every value."""
 PAUSE_SECONDS = 0.1
 _WAIT_TENTHS = 600
-_KEY = re.compile(rb"[0-9a-zA-Z.-]{1,80}")
+_KEY = regex(rb"[0-9a-zA-Z.-]{1,80}")
 _SCRIPT = f"""#!/bin/sh
 # Holds the output against its contract, as it will be held when you have ended. Status 0: it would be accepted.
 cd "$(dirname "$0")" || exit 2

@@ -7,7 +7,6 @@ its value, anything else by its form alone (a bearer token, a private key, a wel
 
 import ast
 import json
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import replace
 from itertools import islice
@@ -18,13 +17,14 @@ from octoform.base.pointer import step
 from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import Task
+from octoform.patterns import regex
 from octoform.redaction import found_in, redacted, spellings
 
 SHORTEST = 8
 """Shorter values are ordinary words (``debug``, ``C.UTF-8``) that an honest output may hold."""
 MAX_PLACES = 10
 _HEADER = "-----BEGIN"
-_KEY_MATERIAL = re.compile(r"[A-Za-z0-9+/]{32}")
+_KEY_MATERIAL = regex(r"[A-Za-z0-9+/]{32}")
 _HINT = "an agent must not hand over what one logs in with; the output was taken out of the attempt's folder"
 
 

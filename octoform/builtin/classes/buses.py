@@ -1,11 +1,10 @@
 """Devices that connect others: USB hubs, I2C and SPI buses, billboards, controllers."""
 
-import re
-
 from octoform.builtin.classes import words
 from octoform.builtin.description import product_names
 from octoform.builtin.description.class_model import BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
+from octoform.patterns import regex
 
 USB_HUB = "09"
 USB_BILLBOARD = "11"
@@ -45,7 +44,7 @@ _TREE = {
     "rng": ("rng", "random number generator"),
     "gpu": ("gpu", "graphics processor"),
 }
-_MEMORY_DRIVERS = re.compile(r"^(?:at2[45]|ee1004|eeprom|spd5118|m24c|w1_ds2(?:43|8))")
+_MEMORY_DRIVERS = regex(r"^(?:at2[45]|ee1004|eeprom|spd5118|m24c|w1_ds2(?:43|8))")
 # PCI class codes (PCI Code and ID Assignment) of what no rule above takes: code, kind, noun.
 _PCI = (
     ("0400", "capture", SENSOR, "video capture card"),

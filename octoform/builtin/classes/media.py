@@ -33,6 +33,7 @@ from octoform.builtin.description.class_model import (
     whole,
 )
 from octoform.builtin.description.device_evidence import Device
+from octoform.patterns import regex
 
 USB_VIDEO = "0e"
 _MACHINE_VISION = "ef/05"
@@ -43,21 +44,21 @@ _PROCESSORS = (
 )
 _PROCESSOR_WORDS = frozenset(_PROCESSORS.split())
 # Receivers of board cameras, by what drivers and nodes of that kind are called.
-_RECEIVER = re.compile(r"unicam|cfe|csi|isp|vfe|camss|cif|ipu\d|cio2|fimc|vin\b", re.IGNORECASE)
+_RECEIVER = regex(r"unicam|cfe|csi|isp|vfe|camss|cif|ipu\d|cio2|fimc|vin\b", re.IGNORECASE)
 _BOARD_BUSES = frozenset(("platform", "amba", "soc", "pci"))
 _V4L2 = "Video4Linux2 (VIDIOC_ENUM_FMT)"
 # Drivers put the same words together with a family's letters: image signal processors, encoders, decoders.
-_PROCESSOR_PARTS = re.compile(r"isp\d|isp$|^(?:rk|mtk|imx|sun)\w*(?:isp|vpu|enc|dec)|codec|jpeg|(?:enc|dec)oder$|m2m")
-_ON_USB = re.compile(r"/usb\d+/")
+_PROCESSOR_PARTS = regex(r"isp\d|isp$|^(?:rk|mtk|imx|sun)\w*(?:isp|vpu|enc|dec)|codec|jpeg|(?:enc|dec)oder$|m2m")
+_ON_USB = regex(r"/usb\d+/")
 _RADIO_NODES = ("radio", "swradio")
 # Chips beside an image sensor, by the families of the kernel's drivers (drivers/media/i2c).
 _CHIPS = (
-    (re.compile(r"(?:dw9[78]\d\d|ak73\d\d|ad5820|ad5398|lc8982\d+|gt97\d+|vm149c|rt5133)"), "lens", ACTUATOR,
+    (regex(r"(?:dw9[78]\d\d|ak73\d\d|ad5820|ad5398|lc8982\d+|gt97\d+|vm149c|rt5133)"), "lens", ACTUATOR,
      "lens focus motor"),
-    (re.compile(r"(?:adv7[1-4]\w+|tvp[57]\d+|tw9\d+|tw28\d+|saa71\d+|isl7998\w+|ks0127|vpx3220|ml86v\w+|ov7640)"),
+    (regex(r"(?:adv7[1-4]\w+|tvp[57]\d+|tw9\d+|tw28\d+|saa71\d+|isl7998\w+|ks0127|vpx3220|ml86v\w+|ov7640)"),
      "capture", SENSOR, "video decoder"),
-    (re.compile(r"(?:tc3587\d+|lt6911\w*|it66\d+)"), "capture", SENSOR, "video capture bridge"),
-    (re.compile(r"(?:max9[26]\d\w*|ds90ub\d+|thp7312)"), "bridge", INFRASTRUCTURE, "camera link"),
+    (regex(r"(?:tc3587\d+|lt6911\w*|it66\d+)"), "capture", SENSOR, "video capture bridge"),
+    (regex(r"(?:max9[26]\d\w*|ds90ub\d+|thp7312)"), "bridge", INFRASTRUCTURE, "camera link"),
 )  # fmt: skip
 
 

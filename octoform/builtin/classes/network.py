@@ -4,8 +4,6 @@ What is reached through them is not part of this host: neighbours on a network, 
 the kernel shows a device of its own as soon as one of them is connected and has a profile with a kernel class.
 """
 
-import re
-
 from octoform.builtin.classes import words
 from octoform.builtin.description import product_names
 from octoform.builtin.description.class_model import (
@@ -26,6 +24,7 @@ from octoform.builtin.description.class_model import (
 )
 from octoform.builtin.description.device_evidence import Device
 from octoform.builtin.description.identity import names_its_chip
+from octoform.patterns import regex
 
 USB_BLUETOOTH = "e0/01/01"
 _USB_ETHERNET = ("02/06", "02/0d", "02/0c", "e0/01/03", "ef/04/01")
@@ -44,7 +43,7 @@ _VENDOR_CLASS = "ff"
 # Profiles by which a connected device becomes an input device of the kernel.
 _INPUT_PROFILES = ("1124 ", "1812 ")
 _INPUT_KINDS = ("input",)
-_LABEL = re.compile(r"\blabel=(.*)$")
+_LABEL = regex(r"\blabel=(.*)$")
 _READ_INTERFACES = Capability(
     "read_network_interfaces",
     "Read state, speed and traffic counters of the adapter's network interfaces.",

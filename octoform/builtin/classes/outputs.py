@@ -3,7 +3,6 @@
 The lock lights of a keyboard belong to anyone who uses the keyboard; they are not offered.
 """
 
-import re
 from dataclasses import replace
 
 from octoform.builtin.description.class_model import (
@@ -27,6 +26,7 @@ from octoform.builtin.description.class_model import (
     record,
 )
 from octoform.builtin.description.device_evidence import Device, Fact
+from octoform.patterns import regex
 
 _BACKLIGHT = "Linux backlight class (/sys/class/backlight)"
 # The lock lights of a keyboard: input3::capslock.
@@ -126,7 +126,7 @@ HEADER_NAME = (
     r"(?i)\[?(?:GPIO[ _-]?(?:\d{1,3}|[A-L])|P[89]_\d{1,2}",
     r"|(?:\d*PIN|HEADER|CON\d*|\d?J\d+)[ _.-](?:Header Pin)?\d{1,2})\b",
 )
-_HEADER = re.compile("".join(HEADER_NAME))
+_HEADER = regex("".join(HEADER_NAME))
 _VIA = "Linux GPIO character device (/dev/gpiochipN)"
 
 

@@ -7,7 +7,6 @@ The outputs of digital-to-analog converters are here too, because they share tha
 them. Nothing else that has an output is driven: a radio's and a sensor's own belong to what surrounds it.
 """
 
-import re
 from collections.abc import Iterable
 from typing import Any
 
@@ -28,6 +27,7 @@ from octoform.builtin.description.class_model import (
     record,
 )
 from octoform.builtin.description.device_evidence import Device, Fact
+from octoform.patterns import regex
 
 _HWMON = {
     "temp": ("read_temperature", "degC", "Read the temperature of each channel."),
@@ -110,24 +110,24 @@ _IIO_LAST = (
 )
 _ELECTRIC = frozenset(("read_voltage", "read_current", "read_temperature"))
 _DRIVERS = {"smo8800": ("accelerometer", "free-fall sensor"), "hp_accel": ("accelerometer", "free-fall sensor")}
-_HWMON_KEY = re.compile(r"^([a-z]+)\d+$")
+_HWMON_KEY = regex(r"^([a-z]+)\d+$")
 # Pairs of in-phase and quadrature channels, or a synthesiser: what only radios have.
-_RADIO_KEY = re.compile(r"^out_altvoltage\d*_(?:TX|RX|\w*LO)|^(?:in|out)_voltage\d+_[iq]$")
-_IIO_KEY = re.compile(r"^in_([a-z]+)")
-_OUTPUT_KEY = re.compile(r"^out_(?:voltage|current|resistance)\d+$")
-_LABEL = re.compile(r"\blabel=(.*)$")
+_RADIO_KEY = regex(r"^out_altvoltage\d*_(?:TX|RX|\w*LO)|^(?:in|out)_voltage\d+_[iq]$")
+_IIO_KEY = regex(r"^in_([a-z]+)")
+_OUTPUT_KEY = regex(r"^out_(?:voltage|current|resistance)\d+$")
+_LABEL = regex(r"\blabel=(.*)$")
 # Families of kernel drivers by what they sit in; the words are what the kernel's documentation calls them.
 _FAMILIES = (
-    (re.compile(r"^(?:coretemp|k\d+temp|zenpower|cpu|soc|via_cputemp|fam15h_power|x86_pkg)"), "processor temperature"),
-    (re.compile(r"^(?:amdgpu|nouveau|radeon|i915|xe)$"), "graphics temperature and power"),
-    (re.compile(r"^(?:nvme|drivetemp)"), "drive temperature"),
-    (re.compile(r"^(?:iwlwifi|ath\d+k|mt7\d+|rtw|brcmfmac)"), "Wi-Fi temperature"),
-    (re.compile(r"^(?:acpitz|pch_|thermal|thinkpad|dell_smm|applesmc)"), "system temperature"),
-    (re.compile(r"^(?:spd5118|jc42|dimm)"), "memory module temperature"),
-    (re.compile(r"^(?:BAT|CMB)\d|^battery"), "battery voltage and current"),
-    (re.compile(r"^(?:r8169|e1000|ig[bc]|enp|eno|eth|atlantic|bnxt|mlx)"), "network adapter temperature"),
-    (re.compile(r"psu$|^ucsi"), "power supply readings"),
-    (re.compile(r"volt"), "supply voltage monitor"),
+    (regex(r"^(?:coretemp|k\d+temp|zenpower|cpu|soc|via_cputemp|fam15h_power|x86_pkg)"), "processor temperature"),
+    (regex(r"^(?:amdgpu|nouveau|radeon|i915|xe)$"), "graphics temperature and power"),
+    (regex(r"^(?:nvme|drivetemp)"), "drive temperature"),
+    (regex(r"^(?:iwlwifi|ath\d+k|mt7\d+|rtw|brcmfmac)"), "Wi-Fi temperature"),
+    (regex(r"^(?:acpitz|pch_|thermal|thinkpad|dell_smm|applesmc)"), "system temperature"),
+    (regex(r"^(?:spd5118|jc42|dimm)"), "memory module temperature"),
+    (regex(r"^(?:BAT|CMB)\d|^battery"), "battery voltage and current"),
+    (regex(r"^(?:r8169|e1000|ig[bc]|enp|eno|eth|atlantic|bnxt|mlx)"), "network adapter temperature"),
+    (regex(r"psu$|^ucsi"), "power supply readings"),
+    (regex(r"volt"), "supply voltage monitor"),
 )
 _ANY_MONITOR, _ANY_SENSOR = "hardware monitor", "iio"
 

@@ -5,15 +5,15 @@ for in the device's own strings and in the name that the host's id database give
 is weaker and states that.
 """
 
-import re
 from collections.abc import Iterable, Iterator
 
 from octoform.builtin.description import glossary, product_names
 from octoform.builtin.description.class_model import ACTUATOR, BIDIRECTIONAL, INFRASTRUCTURE, SENSOR, Claim, Evidence
 from octoform.builtin.description.device_evidence import Device
+from octoform.patterns import regex
 
 # A model number often begins with the kind (a DSO2000 is a DSO), and strings run number and kind together.
-_STEM = re.compile(r"^[a-z]{3,}(?=\d)|(?<=\d)[a-z]{5,}$")
+_STEM = regex(r"^[a-z]{3,}(?=\d)|(?<=\d)[a-z]{5,}$")
 # (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
 Entry = tuple[tuple[str, ...], str, str, str]
 _WORDS: tuple[Entry, ...] = (

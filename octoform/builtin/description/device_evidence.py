@@ -5,7 +5,6 @@ that IDENTIFY concludes cites such a line whole, so that the quote can be checke
 (paths, nodes) are used only for what they say about the kind: which directions a sound card has, what lies below what.
 """
 
-import re
 from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any
@@ -13,14 +12,15 @@ from typing import Any
 from octoform.base.id_databases import IdDatabases
 from octoform.builtin.description import product_names
 from octoform.builtin.description.class_model import Evidence
+from octoform.patterns import regex
 from octoform.records import dataclass
 
-_MEMBER = re.compile(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
-_TRIPLE = re.compile(r"\bclass ([0-9a-f]{2})/([0-9a-f]{2})/([0-9a-f]{2})")
-_DRIVER = re.compile(r"\bdriver=(\S+)")
+_MEMBER = regex(r"^([a-z0-9_-]+)\[(\d+)\]\.([^:]+)$")
+_TRIPLE = regex(r"\bclass ([0-9a-f]{2})/([0-9a-f]{2})/([0-9a-f]{2})")
+_DRIVER = regex(r"\bdriver=(\S+)")
 # The firmware's vendor prefixes (PNP ids) name the company that registered three letters, often not the maker.
 _NO_REGISTRY = frozenset(("acpi", "pnp", "platform", "i2c", "spi", "serio", "virtual", "input", "dmi"))
-_LABEL = re.compile(r"\blabel=(.*)$")
+_LABEL = regex(r"\blabel=(.*)$")
 
 
 @dataclass(frozen=True, slots=True)

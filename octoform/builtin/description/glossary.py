@@ -8,6 +8,8 @@ Korean do not part words, so a stem is looked for anywhere; in other languages o
 import re
 import unicodedata
 
+from octoform.patterns import regex
+
 _STEMS: dict[str, str] = {
     "thermal printer": "热敏打印机 熱感應印表機 サーマルプリンタ термопринтер thermodrucker",
     "label printer": "标签打印机 標籤印表機 ラベルプリンタ принтер_этикеток etikettendrucker",
@@ -73,7 +75,7 @@ _STEMS: dict[str, str] = {
     "meter": "测量 測定 측정 измерител μετρητ messgerät",
 }
 _SHORT = 5
-_JOINED = re.compile(r"[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]")
+_JOINED = regex(r"[\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]")
 
 
 def english(text: str) -> str:

@@ -7,6 +7,8 @@ uses general words of the trade (what kind of thing, which transport), never the
 import re
 from collections.abc import Iterable
 
+from octoform.patterns import regex
+
 # Words of the trade by which the strings of devices are judged; none of them is a maker's or a product's name.
 #
 # Apart from the judgement itself (`naming`), because the lists only grow: each word in them was seen in strings that
@@ -49,25 +51,23 @@ _GENERIC = """
 """
 GENERIC = frozenset(_GENERIC.split())
 # A version (v2) or a quantity with its unit (4mp, 32gb, 100m, 60fps): many products share them.
-VERSION = re.compile(
-    r"v\d+|\d+(?:[kgmp]|mpx?|mpix|megapixels?|[kmgt]bp?s?|bits?|fps|[kmg]?hz|ch|dpi|mah|ports?|inch|in)"
-)
+VERSION = regex(r"v\d+|\d+(?:[kgmp]|mpx?|mpix|megapixels?|[kmgt]bp?s?|bits?|fps|[kmg]?hz|ch|dpi|mah|ports?|inch|in)")
 # What the wire is, not what hangs on it: a name with such words belongs to the chip.
-TRANSPORT = re.compile(
+TRANSPORT = regex(
     r"\bu(?:sb)?[\s_-]*\d?(?:\.\d)?[\s_-]*(?:<->|to|2)?[\s_-]*ser\b|serial|\buarts?\b|\bvcp\b|\bcom[\s_-]?port|"
     r"\brs[\s_-]?(?:232|422|485)|\b[a-z]{1,3}232[a-z]{0,2}\b|\bttl|\bvcom\b|\bfifo\b|"
     r"\bcdc[\s_-]acm\b|\bparallel port\b|\bieee[\s_-]?1284\b|\b(?:usb|hid)[\s\d._-]*to\b",
     re.IGNORECASE,
 )
-CONVERTER = re.compile(r"\busb[\s\d._-]*to\b", re.IGNORECASE)
+CONVERTER = regex(r"\busb[\s\d._-]*to\b", re.IGNORECASE)
 # Words by which makers mark firmware that ships unchanged in other people's products, or the board it was written for.
-REFERENCE = re.compile(
+REFERENCE = regex(
     r"demo|generic|sample|template|\bexamples?\b|reference design|\btest\b|evaluation|\beval\b|development kit|"
     r"\bdefault\b|\bprototype\b|\bgadget\b|\busb[\s_-]*device$|-(?:mtp|idp|qrd|cdp)\b",
     re.IGNORECASE,
 )
 # A state that many products have in common: what waits for new firmware does not say what it will be.
-STATE = re.compile(
+STATE = regex(
     r"boot[\s_-]?loader|\bpreloader\b|\bboot(?:[\s_-]|$)|\bdfu\b|\brecovery\b|fastboot|\bfirmware\b|\b(?:down|up)load\b|\bupgrade\b|"
     r"\b[fh]s mode\b",
     re.IGNORECASE,
@@ -91,36 +91,36 @@ KINDS = frozenset(
 
 MAX_NAME = 120
 MAX_WORDS = 18
-_WORD = re.compile(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
-_CAMEL = re.compile(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
+_WORD = regex(r"[a-z]+\d[a-z0-9]*|\d+[a-z][a-z0-9]*|[a-z]+|\d+")
+_CAMEL = regex(r"(?<=[a-z])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])")
 
-_IDS = re.compile(r"\b(?:0x[0-9A-Fa-f]{1,4}:0x[0-9A-Fa-f]{1,4}|[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4})\b")
+_IDS = regex(r"\b(?:0x[0-9A-Fa-f]{1,4}:0x[0-9A-Fa-f]{1,4}|[0-9A-Fa-f]{4}:[0-9A-Fa-f]{4})\b")
 # PROBE's marks in a string: escapes of unprintable characters, a serial number taken out, an end cut off.
-_MARKS = re.compile(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
+_MARKS = regex(r"\\(?:x[0-9a-f]{2}|u[0-9a-f]{4}|U[0-9a-f]{8})|<serial>|\[cut\]")
 # Some firmware writes the serial number of the unit behind the product's name.
-_SERIAL = re.compile(r"(?:\b|_)S/?N[ :_=-]+[0-9A-Fa-f]{6,}\b")
-_TWICE = re.compile(r"\b(\w{3,})(?: \1\b)+", re.IGNORECASE)
+_SERIAL = regex(r"(?:\b|_)S/?N[ :_=-]+[0-9A-Fa-f]{6,}\b")
+_TWICE = regex(r"\b(\w{3,})(?: \1\b)+", re.IGNORECASE)
 # A firmware's version: three numbers at least.
-_DOTTED = re.compile(r"\b[A-Za-z]?\d+(?:\.\d+){2,}\b")
+_DOTTED = regex(r"\b[A-Za-z]?\d+(?:\.\d+){2,}\b")
 # The letters of a part number and its first two digits: what members of a family of chips have in common.
-_PART_NUMBER = re.compile(r"[a-z]{2,}\d{2}")
+_PART_NUMBER = regex(r"[a-z]{2,}\d{2}")
 # The letters of a part number and two digits at least, as in the names that makers of chips give to them.
-_INITIALS = re.compile(r"([a-z]{2,4})\d\d[a-z0-9]*")
+_INITIALS = regex(r"([a-z]{2,4})\d\d[a-z0-9]*")
 # A whole family of parts: the last digits are left open.
-_FAMILY = re.compile(r"[a-z]+\d+[a-z]?\d*xx")
+_FAMILY = regex(r"[a-z]+\d+[a-z]?\d*xx")
 _WIRES = ("i2c", "smbus", "spi", "uart", "jtag", "gpio")
-_NUMBERED_PART = re.compile(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
-_WIRED_PART = re.compile(r"(?:i2c|smbus|spi|uart)[a-z]{1,3}\d{3}")
+_NUMBERED_PART = regex(r"[a-z]{0,5}\d{2,6}[a-z0-9]{0,6}")
+_WIRED_PART = regex(r"(?:i2c|smbus|spi|uart)[a-z]{1,3}\d{3}")
 _NO_DISKS = frozenset(("webcam", "keyboard", "mouse", "headset", "microphone", "gamepad", "joystick", "oscilloscope"))
 _FEW, _LONG = 8, 32
 _OPEN = frozenset(("misc", "composite", "unknown", "undefined", "reserved", "oem"))
 # Greek, Cyrillic, Hebrew, Arabic, kana, Chinese characters, Hangul: two letters at least.
-_FOREIGN = re.compile(r"[\u0370-\u06ff\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]{2}")
-_COINED = re.compile(r"\b(?=\w*[a-z])(?=\w*[A-Z]\w*[A-Z])[A-Za-z]{4,}\b")
-_LAST_PART = re.compile(r"[^\w]*\w*$")
+_FOREIGN = regex(r"[\u0370-\u06ff\u3040-\u30ff\u3400-\u9fff\uac00-\ud7af]{2}")
+_COINED = regex(r"\b(?=\w*[a-z])(?=\w*[A-Z]\w*[A-Z])[A-Za-z]{4,}\b")
+_LAST_PART = regex(r"[^\w]*\w*$")
 _INITIAL = 2
-_SHORT_MODEL = re.compile(r"(.*\S)[ _-]+([A-Z]{2})(?:[ _-].*)?")
-_LOT_NUMBER = re.compile(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
+_SHORT_MODEL = regex(r"(.*\S)[ _-]+([A-Z]{2})(?:[ _-].*)?")
+_LOT_NUMBER = regex(r"^(?=.*\d.*\d)[A-Z0-9_-]{14,}$")
 
 
 def tidy(text: str) -> str:

@@ -4,13 +4,13 @@ A table of attributes for each bus, a function where ids are packed into somethi
 attributes are those of the kernel's own documentation (Documentation/ABI).
 """
 
-import re
 from collections.abc import Callable, Mapping
 
 from octoform.builtin.probe import capabilities
 from octoform.builtin.probe.kernel_text import slug
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.unit_model import Node
+from octoform.patterns import regex
 
 # Buses whose devices are parts of the device above them: ports, channels, functions.
 MEMBER_BUSES = frozenset(
@@ -43,13 +43,13 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
 _PLAIN_MODALIAS = frozenset(("spi", "i2c", "platform", "acpi", "wmi", "rpmsg", "tee", "scmi", "mdio"))
 # A device without a name on these is called by its place only, which is nothing for an id.
 _NAMED_BY_PLACE = frozenset(("i2c", "spi", "mdio_bus", "pnp", "serio", "serial", "soundwire", "rapidio", "eisa", "nd"))
-_KERNEL_VERSION = re.compile(r"^Linux \d\S* ")
-_AT_ADDRESS = re.compile(r",? at \S+$")
-_HID_ID = re.compile(r"^0*([0-9A-Fa-f]{1,4}):0*([0-9A-Fa-f]{1,8}):0*([0-9A-Fa-f]{1,8})$")
-_HID_NAME = re.compile(r"^([0-9A-F]{4}):([0-9A-F]{4}):([0-9A-F]{4})\.[0-9A-F]+$")
-_ADDRESS = re.compile(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
-_TRAILER = re.compile(r"(?:[:.]\d+|\.auto|:[0-9a-fA-F]{2}|@[0-9a-f]+)+$")
-_ANONYMOUS_ACPI = re.compile(r"^device:[0-9a-f]+$")
+_KERNEL_VERSION = regex(r"^Linux \d\S* ")
+_AT_ADDRESS = regex(r",? at \S+$")
+_HID_ID = regex(r"^0*([0-9A-Fa-f]{1,4}):0*([0-9A-Fa-f]{1,8}):0*([0-9A-Fa-f]{1,8})$")
+_HID_NAME = regex(r"^([0-9A-F]{4}):([0-9A-F]{4}):([0-9A-F]{4})\.[0-9A-F]+$")
+_ADDRESS = regex(r"^(?:[0-9a-f]{4,16}\.|soc:|[0-9a-f]{4,16}[:.])(?=[a-z])")
+_TRAILER = regex(r"(?:[:.]\d+|\.auto|:[0-9a-fA-F]{2}|@[0-9a-f]+)+$")
+_ANONYMOUS_ACPI = regex(r"^device:[0-9a-f]+$")
 _SCSI_TYPES = {
     "0": "disk",
     "1": "tape",
@@ -59,8 +59,8 @@ _SCSI_TYPES = {
     "8": "changer",
     "13": "enclosure",
 }
-_USB_PRODUCT = re.compile(r"^([0-9a-f]{1,4})/([0-9a-f]{1,4})/")
-_W1 = re.compile(r"^([0-9a-f]{2})-([0-9a-f]{12})$")
+_USB_PRODUCT = regex(r"^([0-9a-f]{1,4})/([0-9a-f]{1,4})/")
+_W1 = regex(r"^([0-9a-f]{2})-([0-9a-f]{12})$")
 
 
 def is_member(subsystem: str, name: str, path: str) -> bool:

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping
 from octoform.builtin.probe import capabilities
 from octoform.builtin.probe.reader import Reader
 from octoform.builtin.probe.unit_model import Node
+from octoform.patterns import regex
 
 ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "backlight": ("type", "max_brightness"),
@@ -48,18 +49,18 @@ ATTRIBUTES: Mapping[str, tuple[str, ...]] = {
     "virtio-ports": ("name",),
     "watchdog": ("identity",),
 }
-_SENSOR = re.compile(r"^((?:temp|fan|in|curr|power|energy|humidity|freq|intrusion|pwm)\d+)(?:_(\w+))?$")
+_SENSOR = regex(r"^((?:temp|fan|in|curr|power|energy|humidity|freq|intrusion|pwm)\d+)(?:_(\w+))?$")
 _SENSOR_PARTS = ("input", "average", "min", "max", "lcrit", "crit", "alarm", "enable", "mode", "target")
-_CHANNEL = re.compile(r"^((?:in|out)_[a-z]+\d*(?:[-_][\w-]+)?)_(raw|input|processed)$")
+_CHANNEL = regex(r"^((?:in|out)_[a-z]+\d*(?:[-_][\w-]+)?)_(raw|input|processed)$")
 _SUPPLY_LINES = ("type", "technology", "manufacturer", "model_name", "scope")
 _SUPPLY_NO_READING = {"name", "serial_number", "uevent", "devtype", *_SUPPLY_LINES}
 _NETWORK_KINDS = {"1": "ethernet", "32": "infiniband", "280": "can", "512": "ppp", "772": "loopback", "801": "wireless"}
-_LED_OWNER = re.compile(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
-_LED_HID = re.compile(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
+_LED_OWNER = regex(r"(?<![a-z])(input|phy|mmc|usb|hid|card)\d+(?=\W|$)")
+_LED_HID = regex(r"^[0-9A-F]{4}:[0-9A-F]{4}:[0-9A-F]{4}\.[0-9A-F]+:")
 # The keys of a printer's id that give its kind; the id has serial numbers too.
 _PRINTER_KEYS = frozenset(("MFG", "MANUFACTURER", "MDL", "MODEL", "CMD", "COMMAND SET", "CLS", "CLASS", "DES"))
-_AT_ADDRESS = re.compile(r"\d+-[0-9a-f]{2,4}$")
-_TTY_NUMBER = re.compile(r"\d+$")
+_AT_ADDRESS = regex(r"\d+-[0-9a-f]{2,4}$")
+_TTY_NUMBER = regex(r"\d+$")
 _MAX_CHANNELS = 120
 _EDID_BYTES = 512
 _UNIQUE = 4

@@ -22,6 +22,7 @@ from octoform.builtin.probe.unit_model import (
     scrub,
     secrets_of,
 )
+from octoform.patterns import regex
 
 # What a unit's kind is called and what the kernel reports of it, as text without anything of the one instance.
 #
@@ -129,13 +130,13 @@ def _bounded(lines: list[str]) -> str:
 
 
 MAX_MEMBERS = 400
-_NUMBERED = re.compile(r"[0-9:.].*$")
+_NUMBERED = regex(r"[0-9:.].*$")
 MAX_NAMES = 60
 # The light of a display panel hangs below the graphics adapter in sysfs; it is a thing of its own that can be set. The
 # RDMA function of a network adapter is no network interface.
 _APART = frozenset(("backlight", "infiniband"))
 # What drivers of cameras call the nodes that carry numbers about pictures, and none.
-_SIDE_STREAM = re.compile(
+_SIDE_STREAM = regex(
     r"(?:^|[^a-z])(?:stats?|statistics|params?|parameters|embedded|meta(?:data)?|config)(?:$|[^a-z])", re.IGNORECASE
 )
 _NO_CLASS = frozenset(

@@ -4,16 +4,15 @@ Device strings are hostile data. Whatever is not printable (control and bidirect
 unassigned code points) stays visible as an escape, so that a person sees that it was there.
 """
 
-import re
-
 from octoform.base.escaping import escape_of
+from octoform.patterns import regex
 
 VALUE_CHARS = 240
 CUT = " [cut]"
 SLUG_CHARS = 72
 
-_DIGITS = re.compile(r"(\d+)")
-_NO_SLUG = re.compile(r"[^a-z0-9]+")
+_DIGITS = regex(r"(\d+)")
+_NO_SLUG = regex(r"[^a-z0-9]+")
 
 
 def visible(text: str) -> str:

@@ -13,6 +13,7 @@ from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.sysfs import Sysfs
 from octoform.builtin.probe.udev import UdevDatabase
 from octoform.builtin.probe.unit_model import Node, Unit
+from octoform.patterns import regex
 
 # The Windows side of a WSL2 system: hardware of this computer that the Linux kernel does not have.
 #
@@ -30,9 +31,9 @@ PNP = Command(
 )
 USBIPD = Command("usbipd-state", ("usbipd.exe", "state"), _WINDOWS_FOLDERS)
 _WINDOWS_SECONDS = 2.0
-_USB_IDS = re.compile(r"VID_([0-9A-F]{4})&PID_([0-9A-F]{4})(?:.*&MI_([0-9A-F]{2}))?", re.I)
-_COM = re.compile(r"\s*\(COM\d+\)$")
-_PCI_IDS = re.compile(r"VEN_([0-9A-F]{4})&DEV_([0-9A-F]{4})", re.I)
+_USB_IDS = regex(r"VID_([0-9A-F]{4})&PID_([0-9A-F]{4})(?:.*&MI_([0-9A-F]{2}))?", re.I)
+_COM = regex(r"\s*\(COM\d+\)$")
+_PCI_IDS = regex(r"VEN_([0-9A-F]{4})&DEV_([0-9A-F]{4})", re.I)
 # Buses with hardware on them, whose devices carry the names that makers gave; everything else is Windows's own making
 # or carries the names that people give.
 _WINDOWS_HARDWARE = frozenset(
@@ -152,11 +153,11 @@ def _entries(listed: Any) -> Iterator[Entry]:
 # These scans enrich nodes that sysfs gave, or replace them where a host shows the text and not the folder.
 
 TEXT_BYTES = 65536
-_CARD = re.compile(r"^\s*(\d+)\s+\[(.{1,16}?)\s*\]:\s*(\S+)\s+-\s+(.*)$")
-_PCM = re.compile(r"^(\d+)-(\d+):\s*([^:]*?)\s*:[^:]*(?::(.*))?$")
-_POSITION = re.compile(r"\s+at\s+\S.*$")
+_CARD = regex(r"^\s*(\d+)\s+\[(.{1,16}?)\s*\]:\s*(\S+)\s+-\s+(.*)$")
+_PCM = regex(r"^(\d+)-(\d+):\s*([^:]*?)\s*:[^:]*(?::(.*))?$")
+_POSITION = regex(r"\s+at\s+\S.*$")
 _DEV_FOLDERS = ("snd", "input", "dri", "iio", "v4l", "usb", "serial", "i2c", "spi")
-_OS_FIELD = re.compile(r'^([A-Z_]+)="?([^"\n]*)"?$', re.M)
+_OS_FIELD = regex(r'^([A-Z_]+)="?([^"\n]*)"?$', re.M)
 _ARP_FIELDS = 4
 # Entries that the resolver holds already; the names are not resolved, since that would ask the network.
 _MDNS = Command("avahi-browse", ("avahi-browse", "--all", "--cache", "--terminate", "--parsable", "--no-db-lookup"))

@@ -18,6 +18,7 @@ from octoform.builtin.probe.commands import Command, Entry, dicts, first_text, n
 from octoform.builtin.probe.paired import Paired, described
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # The I/O Registry of macOS as `ioreg` archives it: USB devices with their interfaces, serial lines, disks.
@@ -234,8 +235,8 @@ def first(item: Entry, keys: tuple[str, ...]) -> str:
 
 
 VERSION, MACHINE = Command("sw_vers", ("sw_vers",)), Command("uname-m", ("uname", "-m"))
-_HEX = re.compile(r"^0x([0-9a-f]{1,8})\b", re.I)
-_USB_CAMERA = re.compile(r"^0x([0-9a-f]{1,8})[0-9a-f]{8}$", re.I)
+_HEX = regex(r"^0x([0-9a-f]{1,8})\b", re.I)
+_USB_CAMERA = regex(r"^0x([0-9a-f]{1,8})[0-9a-f]{8}$", re.I)
 # Ways by which a sound device is attached that carry the device's own name; the others carry a person's.
 _OWN_NAMES = frozenset(("builtin", "usb", "pci", "thunderbolt", "displayport", "hdmi", "firewire"))
 _BLUETOOTH_KINDS = {

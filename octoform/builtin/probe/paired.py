@@ -13,17 +13,18 @@ from dataclasses import dataclass, field
 from octoform.builtin.probe.commands import Command, output
 from octoform.builtin.probe.reader import Reader, Scan
 from octoform.builtin.probe.unit_model import Node, Unit
+from octoform.patterns import regex
 
 SERVICE_FILES = "/var/lib/bluetooth"
 LIST = Command("bluetoothctl-devices", ("bluetoothctl", "devices", "Paired"))
 LIST_BEFORE_5_65 = Command("bluetoothctl-paired-devices", ("bluetoothctl", "paired-devices"))
 MAX_PAIRED = 32
-_ADDRESS = re.compile(r"(?:[0-9A-F]{2}:){5}[0-9A-F]{2}")
-_LISTED = re.compile(rf"^Device ({_ADDRESS.pattern})\b", re.M)
-_FACT = re.compile(r"^\s+(\w[\w ]*): (.*)$", re.M)
-_STANDARD = re.compile(r"\b0000([0-9a-f]{4})-0000-1000-8000-00805f9b34fb\b", re.I)
-_MODALIAS = re.compile(r"^(usb|bluetooth):v([0-9A-F]{4})p([0-9A-F]{4})")
-_SECTION = re.compile(r"^\[(\w+)\]$")
+_ADDRESS = regex(r"(?:[0-9A-F]{2}:){5}[0-9A-F]{2}")
+_LISTED = regex(rf"^Device ({_ADDRESS.pattern})\b", re.M)
+_FACT = regex(r"^\s+(\w[\w ]*): (.*)$", re.M)
+_STANDARD = regex(r"\b0000([0-9a-f]{4})-0000-1000-8000-00805f9b34fb\b", re.I)
+_MODALIAS = regex(r"^(usb|bluetooth):v([0-9A-F]{4})p([0-9A-F]{4})")
+_SECTION = regex(r"^\[(\w+)\]$")
 _SOURCES = {"1": "bluetooth", "2": "usb"}
 # Bluetooth Assigned Numbers: major classes of devices, categories of appearance, and profiles.
 _MAJOR = {1: "computer", 2: "phone", 3: "network", 4: "audio", 5: "input", 6: "imaging", 7: "wearable", 8: "toy"}

@@ -4,9 +4,8 @@ Only properties that describe a kind are taken, and the short serial number, whi
 Paths, file systems, partition ids and the state of a medium are left where they are.
 """
 
-import re
-
 from octoform.builtin.probe.reader import Reader
+from octoform.patterns import regex
 
 SERIAL = "ID_SERIAL_SHORT"
 # Copies of strings that the device's own attributes give better.
@@ -19,7 +18,7 @@ FOLDER = "/run/udev/data"
 RECORD_BYTES = 16384
 _SERIAL_CHARS = 8
 
-_KIND = re.compile(
+_KIND = regex(
     r"^(?:ID_(?:VENDOR|MODEL|PCI_CLASS|PCI_SUBCLASS|PCI_INTERFACE|USB_CLASS|OUI)_FROM_DATABASE"
     r"|ID_SERIAL|ID_SERIAL_SHORT|ID_(?:VENDOR|MODEL|TYPE|BUS|USB_INTERFACES|INTEGRATION)"
     r"|ID_INPUT(?:_\w+)?|ID_V4L_(?:CAPABILITIES|PRODUCT|VERSION)|ID_ATA|ID_ATA_ROTATION_RATE_RPM"

@@ -1,10 +1,10 @@
 """A unit: one device on a bus with everything that hangs below it, in canonical order."""
 
-import re
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from octoform.builtin.probe import kernel_text as text
+from octoform.patterns import regex
 
 # One kernel device as a scan found it, before units are made of them.
 
@@ -51,7 +51,7 @@ _HEADS = {"input": "input", "sound": "card"}
 SCRUB_FROM = 6
 _HIDDEN = "<serial>"
 # Words that announce a serial number, and the number, wherever a firmware has put the two.
-_MARKED = re.compile(r"(?i)((?<![a-z])(?:s/?n|serial(?: ?no\.?| ?number)?) ?[:=#] ?)(?=[a-z-]*\d)[0-9a-z-]{4,}")
+_MARKED = regex(r"(?i)((?<![a-z])(?:s/?n|serial(?: ?no\.?| ?number)?) ?[:=#] ?)(?=[a-z-]*\d)[0-9a-z-]{4,}")
 
 
 @dataclass(slots=True)

@@ -11,10 +11,11 @@ from typing import Any
 from octoform.builtin.serve.functions import Shapes, heading, quoted
 from octoform.builtin.task import Profiles, TaskRefused
 from octoform.builtin.task import commands as all_commands
+from octoform.patterns import regex
 
 Spoken = Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]
 """Tool name to (profile, command)."""
-_PLACEHOLDER = re.compile(r"\{([a-z][a-z0-9_]*)\}")
+_PLACEHOLDER = regex(r"\{([a-z][a-z0-9_]*)\}")
 _FORMATS = {"integer": ":d", "number": ":.6f", "string": ""}
 _PATTERNS = {
     "integer": r"[+-]?\d{1,18}",

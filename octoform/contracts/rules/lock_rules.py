@@ -11,14 +11,15 @@ from octoform.base.escaping import display, flattened
 from octoform.contracts.model import JsonObject
 from octoform.contracts.server_code.script_header import normalised
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.patterns import regex
 
-_PINNED = re.compile(
+_PINNED = regex(
     r"(?P<name>[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)(?:\[[^\]]*\])?\s*==\s*(?P<version>[0-9][A-Za-z0-9.+!_-]*)"
     r"(?P<rest>(?:\s*;[^#]*?)?(?:\s+--hash=\S+)*)\s*"
 )
-_HASH = re.compile(r"--hash=sha256:[0-9a-f]{64}(?=\s|$)")
-_ELSEWHERE = re.compile(r"@|://|^\s*(?:-e\b|--editable\b|[./~])|\bfile:", re.IGNORECASE)
-_INDEX = re.compile(r"^\s*(?:-i|-f|--index-url|--extra-index-url|--find-links|--no-index|--trusted-host|--pre)\b")
+_HASH = regex(r"--hash=sha256:[0-9a-f]{64}(?=\s|$)")
+_ELSEWHERE = regex(r"@|://|^\s*(?:-e\b|--editable\b|[./~])|\bfile:", re.IGNORECASE)
+_INDEX = regex(r"^\s*(?:-i|-f|--index-url|--extra-index-url|--find-links|--no-index|--trusted-host|--pre)\b")
 
 
 def deploy_lock(lock_text: str, deploy: JsonObject, path: str | None = None) -> list[Diagnostic]:

@@ -12,6 +12,7 @@ from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 LISTED_AT_ONCE, SHOWN_AT_ONCE = 12, 3
 """How many ids of missing devices one finding names, and how many of them with their names and folders."""
@@ -22,18 +23,18 @@ _PLATFORM = ("os", "os_id", "os_version", "arch", "kernel")
 # How package systems call what the kernel calls otherwise.
 _ALIASES = {"amd64": "x86_64", "x64": "x86_64", "x86-64": "x86_64", "arm64": "aarch64", "armhf": "armv7l"}
 _ALIASES |= {"macosx": "macos", "darwin": "macos", "i386": "i686"}
-_WHOLE_TREE = re.compile(r"/sys/(?:bus|devices)(?:/\*|/?(?=[\s,;:)]|$))|\ball (?:buses|folders|of sysfs)\b")
-_FILTER = re.compile(
+_WHOLE_TREE = regex(r"/sys/(?:bus|devices)(?:/\*|/?(?=[\s,;:)]|$))|\ball (?:buses|folders|of sysfs)\b")
+_FILTER = regex(
     r"(?i)\b(?:not? (?:of )?(?:interest\w*|relevan\w*|useful|needed|controllable|important|use)|irrelevant|dull|boring"
     r"|uninteresting|useless|unimportant|nothing to control|out of scope"
     r"|(?:only|just) (?:infrastructure|an? (?:\w+ )?(?:hub|bridge|bus|controller))"
     r"|no(?:body|t)? (?:one )?(?:would )?(?:asks?|needs?|wants?))\b"
 )
 # A reason that the host's own scan, which has the same rights, has contradicted.
-_DENIED = re.compile(
+_DENIED = regex(
     r"(?i)\b(?:permission|access|rights?)\b.*\b(?:denied|refused|lacking|missing)\b|\b(?:needs?|wants) root\b"
 )
-_LINE = re.compile(r"(?m)^\s*([A-Za-z][\w.\[\] -]*?)\s*[:=]\s*\"?(.*?)\"?\s*,?$")
+_LINE = regex(r"(?m)^\s*([A-Za-z][\w.\[\] -]*?)\s*[:=]\s*\"?(.*?)\"?\s*,?$")
 _NONE = frozenset({"none", "n/a", "null", "-", "unknown"})
 
 

@@ -14,22 +14,23 @@ from octoform.contracts.host_identity import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 _NEIGHBOURHOODS = frozenset(
     {"network", "neighbour", "neighbor", "arp", "ndp", "mdns", "dnssd", "bonjour", "ssdp", "upnp", "lan", "wlan"}
     | {"wifi", "wi-fi", "ssid", "ble", "bluetooth-scan", "dhcp"}
 )
 _MULTILINE = frozenset({"raw_descriptor", "detail"})
-_KERNEL_PATH = re.compile(r"(?:/sys|/proc|/run/udev|/host/sys|/host/proc)/\S*")
-_TERMINAL = re.compile(
+_KERNEL_PATH = regex(r"(?:/sys|/proc|/run/udev|/host/sys|/host/proc)/\S*")
+_TERMINAL = regex(
     r"/dev/(?:tty|cu\.|serial)|\btty(?:S|USB|ACM|AMA|XR|O)\d*\b|\bCOM\d+\b|\bserial (?:port|line)s?\b", re.I
 )
-_TOUCHED = re.compile(
+_TOUCHED = regex(
     r"\b(?:open(?:ed|ing|s)?|wrote|writ(?:e|es|ing|ten)|sent|send(?:s|ing)?|quer(?:y|ied|ying)|pinged|handshake"
     r"|read(?:ing|s)? from|replied|repl(?:y|ies)|answered|at \d+ baud|\d+ baud|stty|minicom|picocom|pyserial)\b",
     re.I,
 )
-_INSTALLED = re.compile(
+_INSTALLED = regex(
     r"\b(?:apt(?:-get)?|dnf|yum|apk|brew|pip[0-9.]*|npm|snap|zypper|pacman)\b[^.;,\n]*\b(?:install|add|-S)\b"
     r"|\b(?:installed|installing|downloaded|compiled|built)\b[^.;,\n]*\b(?:first|for this|to (?:scan|list|read|look))\b"
     r"|\binstall(?:ed|ing)?\b[^.;,\n]*\b(?:apt|dnf|yum|apk|brew|pip|npm|snap|zypper|pacman)\b"
@@ -38,7 +39,7 @@ _INSTALLED = re.compile(
     r"|\budevadm (?:trigger|control)\b",
     re.I,
 )
-_PORT_SCAN = re.compile(
+_PORT_SCAN = regex(
     r"\b(?:nmap|masscan|zmap|rustscan|arp-scan|netdiscover|fping|nbtscan)\b|\bport[- ]?scan|\b(?:ping|scan)\w* sweep"
     r"|\bscan\w* (?:the )?(?:open )?(?:ports|subnet|network)\b"
     r"|\bbluetoothctl (?:--timeout \d+ )?scan\b|\bhcitool (?:le)?scan\b|\biw(?:list)? (?:dev )?\S+ scan\b(?! dump)"
@@ -47,9 +48,9 @@ _PORT_SCAN = re.compile(
     r"|\bsent\b[^.;,\n]*\b(?:network|subnet|broadcast|multicast)\b",
     re.I,
 )
-_RIGHTS = re.compile(r"\b(?:sudo|doas|pkexec|setcap|su -|as root by)\b", re.I)
+_RIGHTS = regex(r"\b(?:sudo|doas|pkexec|setcap|su -|as root by)\b", re.I)
 # Nodes that are opened to take something from them, and buses on which something is sent to find out who answers.
-_OPENED = re.compile(
+_OPENED = regex(
     r"\b(?:sent|wrote|queried|pinged)\b[^.;,\n]*\b(?:bus|servos?|motors?|boards?|ids?|device)\b|"
     r"\b(?:captured|grabbed|recorded|streamed|took|played|displayed|printed)\b[^.;,\n]*\b(?:frame|picture|image|photo"
     r"|sample|sound|audio|clip|video|page|tone)s?\b|\bi2cdetect\b(?=[^.;\n]*\s-(?!l\b|V\b|F\b)\w)|\bevtest\b"
@@ -57,11 +58,11 @@ _OPENED = re.compile(
     r"|\bgpio(?:get|set|mon)\b|\bsmartctl (?:-t|--test)",
     re.I,
 )
-_DENIAL = re.compile(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
+_DENIAL = regex(r"\b(?:no|not|never|none|without|nothing|neither|nor|cannot|refused|skipped)\b", re.I)
 _REPLY_KEYS = frozenset({"reply", "response", "received", "answer", "banner", "handshake", "sent", "rx", "tx"})
 # Where a unit is attached on USB or I2C, on PCI, or on SCSI. Other buses' names (a GUID, a bus number) may be kinds.
-_ADDRESS = re.compile(r"(?<![0-9a-z])(?:(?:\d{1,3}-){3}\d{1,3}|(?:[0-9a-f]{2}-){5}[0-9a-f]{2})(?![0-9a-z])")
-_PORT = re.compile(r"\d+-\d+(?:\.\d+)*|[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|\d+:\d+:\d+:\d+")
+_ADDRESS = regex(r"(?<![0-9a-z])(?:(?:\d{1,3}-){3}\d{1,3}|(?:[0-9a-f]{2}-){5}[0-9a-f]{2})(?![0-9a-z])")
+_PORT = regex(r"\d+-\d+(?:\.\d+)*|[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]|\d+:\d+:\d+:\d+")
 
 
 def duplicate_id(value: JsonObject, _: Artifacts) -> list[Diagnostic]:
@@ -263,12 +264,12 @@ _COPY = (
     "write a reading that changes nowhere"
 )
 _ALONE = "it belongs in `instance` alone, so that two hosts of the same kind have the same text; take it out"
-_WORD = re.compile(r"[^\W_]+")
-_ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
-_NUMBERED = re.compile(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")
-_ON_THE_BUS = re.compile(r"(?i)\bbus \d{3} device \d{3}\b")
-_PCI_PLACE = re.compile(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
-_PLACE_KEY = re.compile(r"(?i)^\W*(?:\w+[._ ])*(?:port|slot|bus ?num|dev ?num|dev ?path|place|location|path)\b\W*:")
+_WORD = regex(r"[^\W_]+")
+_ESCAPE = regex(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
+_NUMBERED = regex(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")
+_ON_THE_BUS = regex(r"(?i)\bbus \d{3} device \d{3}\b")
+_PCI_PLACE = regex(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
+_PLACE_KEY = regex(r"(?i)^\W*(?:\w+[._ ])*(?:port|slot|bus ?num|dev ?num|dev ?path|place|location|path)\b\W*:")
 # Folders of these classes are numbered as they come up; other names in a node's list may be a kind's own.
 _COUNTED = frozenset(
     {"hwmon", "input", "video4linux", "tty", "block", "nvme", "sound", "hidraw", "iio", "rtc", "media"}

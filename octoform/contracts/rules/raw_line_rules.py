@@ -26,24 +26,23 @@ from octoform.contracts.movement_words import (
 from octoform.contracts.name_clues import changes, is_class_word, is_filler, is_passthrough, offers_a_pipe
 from octoform.contracts.name_words import names_language, parts, word_set, words
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 CODE, READ, OFFERED = "IDENTIFY-ACTUATE-WITHOUT-PROFILE", "IDENTIFY-READ-MOVES", "IDENTIFY-PROFILE-NOT-CHOSEN"
 UNFOUNDED = "IDENTIFY-READ-UNFOUNDED"
 TOOL, LIMITED, UNSAFE = "INTERFACE-READ-MOVES", "INTERFACE-READ-LIMITED", "INTERFACE-REASON-FALSE"
-_USB_CLASS = re.compile(r"\bclass (?:01|06|07|08|0b|0e)/[0-9a-f]{2}/[0-9a-f]{2}")
+_USB_CLASS = regex(r"\bclass (?:01|06|07|08|0b|0e)/[0-9a-f]{2}/[0-9a-f]{2}")
 # USB-IF, Defined Class Codes: audio, still image, printer, storage, smart card and video have commands of their own.
-_NAMING = re.compile(
+_NAMING = regex(
     r"^(?:name|product|model|label|description|[\w.\[\]]*\.(?:name|label|product|model)|interface \w+ string"
     r"|udev\.ID_MODEL\w*|of_name|compatible): (.*)$",
     re.MULTILINE,
 )
 """Lines of PROBE in which a device reports what it is."""
-_MAKER = re.compile(
-    r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE
-)
+_MAKER = regex(r"^(?:manufacturer|vendor|[\w.\[\]]*\.(?:manufacturer|vendor)|udev\.ID_VENDOR\w*): (.*)$", re.MULTILINE)
 _PRESENCE = frozenset({"presence", "present", "attached", "connected"})
 _LISTENS = frozenset({"listen", "listens", "listening"}) | _PRESENCE
-_ASKED_AT = re.compile(r"(?i)\b(?:registers?|address(?:es)?|opcodes?)\s+(?:0x)?[0-9a-f]*\d[0-9a-f]*\b")
+_ASKED_AT = regex(r"(?i)\b(?:registers?|address(?:es)?|opcodes?)\s+(?:0x)?[0-9a-f]*\d[0-9a-f]*\b")
 
 
 def actuate_without_profile(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:

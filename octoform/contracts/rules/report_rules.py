@@ -15,10 +15,11 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
 from octoform.contracts.report_context import SENSOR, DutyFacts, Place, place_of
 from octoform.contracts.rules.step_rules import properties, tool, tools_of
 from octoform.diagnostics import Diagnostic, did_you_mean, error
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 Found = list[Diagnostic]
-_ORDERS = re.compile(
+_ORDERS = regex(
     r"\b[a-z][a-z0-9+.-]{1,20}://\S|"
     r"(?<![\w.-])(?:sudo|curl|wget|chmod|chown|pip3?\s+install|apt(?:-get)?\s+install|rm\s+-|(?:ba|z)?sh\s+-c)(?![\w-])",
     re.IGNORECASE,

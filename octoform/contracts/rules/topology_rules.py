@@ -13,9 +13,10 @@ from octoform.base.escaping import display
 from octoform.base.pointer import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, warning
+from octoform.patterns import regex
 
-_USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")
-_SERIAL = re.compile(r"^interface \d+: class 02/02/", re.MULTILINE)
+_USB_PORT = regex(r"\d+-\d+(?:\.\d+)*")
+_SERIAL = regex(r"^interface \d+: class 02/02/", re.MULTILINE)
 # Actuators that nothing bad happens to when they are late or gone for a second.
 _HARMLESS = frozenset(("audio_out", "light", "printer", "monitor"))
 

@@ -12,12 +12,13 @@ from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSO
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, Target, about, citations, facts_of
 from octoform.diagnostics import error
+from octoform.patterns import regex
 
 _GRAVE = ("error", "down")
 _CALLED = (LOG, SENSOR)
 
 
-_TOOL = re.compile(
+_TOOL = regex(
     r"\btool [`'\"]?([a-z]+(?:_[a-z0-9]+)+)|\b([a-z]+(?:_[a-z0-9]+)+)[`'\"]? (?:(?:also )?fail(?:s|ed)|tool)\b"
 )
 """A name with an underscore that a sentence calls a tool."""
@@ -38,11 +39,11 @@ def unknown_name(value: JsonObject, artifacts: Artifacts) -> Found:
     return found
 
 
-_FIGURE = re.compile(
+_FIGURE = regex(
     r"(?<![\w.:-])(\d+(?:\.\d+)?)(?:\s?(?:°\s?[CF]\b|V\b)|[\s-](?:degrees?|celsius|volts?|amperes?|amps?|rpm|times)\b)"
 )
 """A measured amount, or how often something happened, in a sentence."""
-_PLAIN_NUMBER = re.compile(r"(?<![\w.])-?\d+(?:\.\d+)?")
+_PLAIN_NUMBER = regex(r"(?<![\w.])-?\d+(?:\.\d+)?")
 
 
 def unknown_reading(value: JsonObject, artifacts: Artifacts) -> Found:
@@ -278,7 +279,7 @@ def physical_state(value: JsonObject, artifacts: Artifacts) -> Found:
     return [error("WATCH-PHYSICAL-STATE", summary, pointer=where, hint=hint) for summary, where, hint in found]
 
 
-_SEEN = re.compile(
+_SEEN = regex(
     r"\b(?:camera|picture|frame|image|photo)s? (?:now )?(?:shows?|sees?)\b(?! (?:nothing|no\b))|\b(?:is|are) visible\b"
     r"|\bcan be seen\b|\b(?:has|have) moved (?:to|towards?|left|right|up|down|away)\b",
     re.IGNORECASE,

@@ -17,6 +17,7 @@ from octoform.contracts.server_code.flow import Flow
 from octoform.contracts.server_code.origins import PLACES, PURE, Origin, arguments, last
 from octoform.contracts.server_code.places import folded
 from octoform.contracts.server_code.server_source import Function, Source, children, walk
+from octoform.patterns import regex
 
 Numbers = frozenset[float]
 _DEPTH = 8
@@ -31,26 +32,26 @@ _BOUNDS = frozenset(
     {"max", "min", "crit", "lcrit", "emergency", "hyst", "limit", "label", "alarm", "threshold", "type"}
 )
 """Last words of files that describe a channel, and not what it measures now."""
-_BOUND_WORDS = re.compile(
+_BOUND_WORDS = regex(
     r"max|min|crit|emergency|hyst|limit|label|alarm|threshold|trip|highest|lowest|bound|range|peak|warn", re.IGNORECASE
 )
 _PASSES = frozenset({"float", "int", "round", "abs", "min", "max"})
 _CLIPS = frozenset({"numpy.clip", "np.clip"})
-_MEANS = re.compile(r"(?:statistics|numpy|np)\.(?:fmean|mean|median|average)|mean|fmean|median")
-_OF_COMPUTER = re.compile(
+_MEANS = regex(r"(?:statistics|numpy|np)\.(?:fmean|mean|median|average)|mean|fmean|median")
+_OF_COMPUTER = regex(
     r"(?:^|.*/)proc/(?:loadavg|uptime|stat|vmstat|meminfo|schedstat|softirqs|interrupts|swaps|slabinfo|buddyinfo|zoneinfo"
     r"|timer_list|version|cmdline|pressure/.*|self/.*|\d+/.*|sys/(?:kernel|vm|fs)/.*)"
 )
 """Files in which the kernel reports of the computer itself (proc(5)), and of no device."""
-_ASKS_COMPUTER = re.compile(
+_ASKS_COMPUTER = regex(
     r"os\.(?:getloadavg|times|cpu_count|sysconf)|resource\.get\w+"
     r"|psutil\.(?:cpu_\w+|virtual_memory|swap_memory|getloadavg|pids|boot_time|process_iter|users|net_io_counters)"
 )
-_COMPUTER_WORDS = re.compile(
+_COMPUTER_WORDS = regex(
     r"(?i)(?<![a-z])(?:load(?:avg)?|uptime|memory|process(?:es)?|interrupts?|swap|entropy|utili[sz]ation|usage|boot|stall)"
     r"(?![a-z])"
 )
-_DIGESTS = re.compile(r"hash|id|zlib\.(?:crc32|adler32)|binascii\.crc\w+|hashlib\..+")
+_DIGESTS = regex(r"hash|id|zlib\.(?:crc32|adler32)|binascii\.crc\w+|hashlib\..+")
 _TEXTS = frozenset({"read_text", "read_bytes", "decode", "strip", "rstrip", "readline"})
 
 

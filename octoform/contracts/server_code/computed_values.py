@@ -7,12 +7,13 @@ folder, an open attribute), or unknown. No operation on plain values takes long,
 import ast
 import math
 import operator
-import re
 import statistics
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any
+
+from octoform.patterns import regex
 
 _MAX_LENGTH, _MAX_NUMBER, _MAX_DIGITS = 1000, 1 << 64, 20
 
@@ -146,7 +147,7 @@ class World:
         return UNKNOWN if len(key) < 3 or _is_text(key[-1]) else f"{self.usual(key[-1]):g}"
 
 
-_TEXTS = re.compile(
+_TEXTS = regex(
     r"name|label|trigger|type|status|state|model|uevent|mode|direction|fault|alarm|vendor|available|modalias|governor"
     r"|\Adev\Z|health|technology|scope|online|present|manufacturer|power_supply|enable"
 )
@@ -226,7 +227,7 @@ def is_plain(value: Any) -> bool:
     return True
 
 
-_WIDE = re.compile(r"\d{3,}|\*")
+_WIDE = regex(r"\d{3,}|\*")
 
 
 def _is_small(function: Callable[..., Any], given: Sequence[Any]) -> bool:

@@ -1,7 +1,6 @@
 """The origin of a value by the names of a generated server's calls: a device's word, the clock's, chance's."""
 
 import ast
-import re
 from abc import ABC, abstractmethod
 from collections import defaultdict
 from collections.abc import Iterator
@@ -9,6 +8,7 @@ from dataclasses import dataclass
 from typing import TypeGuard
 
 from octoform.contracts.server_code.server_source import Function, Source, choices, walk
+from octoform.patterns import regex
 
 
 class Origin:
@@ -34,21 +34,21 @@ Origins = int
 """A union of them."""
 
 ROUNDS = 12
-ELSEWHERE = re.compile(
+ELSEWHERE = regex(
     r"subprocess\.\w+|asyncio\.create_subprocess_exec|asyncio\.open_connection|socket\.\w+|urllib\.request\.\w+"
     r"|http\.client\.\w+|(?:requests|httpx|aiohttp|paramiko|telnetlib|ftplib|smtplib|bleak|psutil)\..+"
 )
 """Modules that ask something outside of the process: programs and the network."""
-CHANCE = re.compile(
+CHANCE = regex(
     r"(?:.*\.)?random\..+|secrets\..+|uuid\..+"
     r"|os\.(?:urandom|getpid|getloadavg|times|getrandom|cpu_count)|hash|id"
     r"|resource\..+|platform\..+"
 )
-CLOCK = re.compile(
+CLOCK = regex(
     r"time\.(?:time|monotonic|perf_counter|time_ns|monotonic_ns|process_time)|(?:.*\.)?datetime\.(?:now|utcnow|today)"
     r"|(?:.*\.)?date\.today"
 )
-PURE = re.compile(
+PURE = regex(
     r"(?:str|int|float|complex|bool|bytes|bytearray|memoryview|round|len|min|max|sum|sorted|reversed|list|dict|tuple|set"
     r"|frozenset|abs|repr|ascii|format|enumerate|zip|range|isinstance|issubclass|getattr|hasattr|setattr|next|iter|map"
     r"|filter|any|all|type|divmod|pow|ord|chr|hex|bin|oct|slice|vars|super|print|callable|anext|aiter|cast|object"

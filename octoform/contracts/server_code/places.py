@@ -9,17 +9,16 @@ from octoform.base.escaping import display
 from octoform.contracts.server_code.flow import Flow
 from octoform.contracts.server_code.origins import Origin
 from octoform.contracts.server_code.server_source import Source
+from octoform.patterns import regex
 
 _UNKNOWN = "\0"
-_PLACES = re.compile(r"/(?:dev|sys)(?:/.*)?", re.DOTALL)
-_NUMBERED = re.compile(
-    rf"{_UNKNOWN}+/+(?:dev|sys)/(?:[^{_UNKNOWN}]*/)?[a-z][a-z_:-]*\d+(?:/[^{_UNKNOWN}]*)?", re.IGNORECASE
-)
-_NAMES = re.compile(r"(?:tty(?:USB|ACM|AMA|S|THS|O)|video|hidraw|hwmon|spidev|COM|i2c-)\d+(?:\.\d+)?")
-_ADDRESS = re.compile(r"(?:\w+://)?(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}(?::\d+)?(?:/.*)?")
-_BY_ITSELF = re.compile(r"psutil\.sensors_\w+")
+_PLACES = regex(r"/(?:dev|sys)(?:/.*)?", re.DOTALL)
+_NUMBERED = regex(rf"{_UNKNOWN}+/+(?:dev|sys)/(?:[^{_UNKNOWN}]*/)?[a-z][a-z_:-]*\d+(?:/[^{_UNKNOWN}]*)?", re.IGNORECASE)
+_NAMES = regex(r"(?:tty(?:USB|ACM|AMA|S|THS|O)|video|hidraw|hwmon|spidev|COM|i2c-)\d+(?:\.\d+)?")
+_ADDRESS = regex(r"(?:\w+://)?(?!127\.|0\.0\.0\.0)(?:\d{1,3}\.){3}\d{1,3}(?::\d+)?(?:/.*)?")
+_BY_ITSELF = regex(r"psutil\.sensors_\w+")
 """Calls that search the machine that runs them for devices, whichever host is meant."""
-_NOT_DEVICES = re.compile(r"/dev/(?:null|zero|full|u?random|shm(?:/.*)?|std\w+|fd(?:/.*)?)")
+_NOT_DEVICES = regex(r"/dev/(?:null|zero|full|u?random|shm(?:/.*)?|std\w+|fd(?:/.*)?)")
 _PATH_TESTS = frozenset(
     {"startswith", "removeprefix", "endswith", "is_relative_to", "relative_to", "match", "fullmatch"}
 )

@@ -9,10 +9,11 @@ from typing import Any
 
 from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.patterns import regex
 from octoform.records import dataclass
 
-_BLOCK = re.compile(r"(?m)^# /// script$\s(?P<content>(?:^#(?:| .*)$\s)+)^# ///$")
-_REQUIREMENT = re.compile(
+_BLOCK = regex(r"(?m)^# /// script$\s(?P<content>(?:^#(?:| .*)$\s)+)^# ///$")
+_REQUIREMENT = regex(
     r"(?P<name>[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?)\s*(?:\[[A-Za-z0-9._,\s-]*\])?\s*(?P<rest>.*)", re.DOTALL
 )
 _HINT = 'start the file with: # /// script, # requires-python = ">=3.11", # dependencies = [...], # ///'

@@ -4,7 +4,6 @@ Everything in a log is foreign text: bounded, and its hidden characters made vis
 """
 
 import os
-import re
 import stat
 from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
@@ -14,6 +13,7 @@ from octoform.base.escaping import escaped
 from octoform.base.files import parse
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.published_files import read_policy
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
@@ -132,7 +132,7 @@ MAX_CALLS, MAX_LINES, MAX_UNDER_WAY = 200, 100, 500
 TEXT_CHARS = 500
 CALL_SECONDS, GRACE_SECONDS = 30.0, 10.0
 """Seconds of a call without a timeout in the policy, and the seconds after which it counts as lost."""
-_ACCESS = re.compile(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\d.]+"')
+_ACCESS = regex(r'"(?:GET|HEAD|POST|PUT|PATCH|DELETE|OPTIONS) [^"]* HTTP/[\d.]+"')
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,6 +18,7 @@ from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
 from octoform.endpoint.dial import knock
 from octoform.endpoint.expected_tools import hidden, promised, untried
 from octoform.endpoint.process.record import running
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
@@ -35,7 +36,7 @@ _PICTURE = frozenset(
 )
 _POSSIBLE = frozenset(("list", "describe", "formats", "modes", "capabilities"))
 """Words of tools that report what a device can do, which is no reading of what it does."""
-_WAITING = re.compile(r"timeout|duration|seconds|wait|_ms$|_s$", re.I)
+_WAITING = regex(r"timeout|duration|seconds|wait|_ms$|_s$", re.I)
 
 EMPTY = "empty"
 """The value of a result that shows nothing, as a list without items does: also that is an answer."""

@@ -6,19 +6,19 @@ one of its kind, is not written down: a guess must not become what is believed. 
 """
 
 import os
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from octoform.daemon.model import Done
 from octoform.daemon.observe.presence import Asked
+from octoform.patterns import regex
 from octoform.state.artifact_cache import read_instances, write_instances
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Waiting, acquire
 
 LOCK_SECONDS = 20.0
 WEAK = "weak"
-_ORDINAL = re.compile(r"-\d+$")
+_ORDINAL = regex(r"-\d+$")
 
 Where = Callable[[Sequence[str]], Mapping[str, Mapping[str, Any]] | None]
 """Device ids to the runtime's facts of each, as `octoform.runtime.where` reports them; None: it does not answer."""

@@ -9,7 +9,6 @@ of it is lost.
 """
 
 import os
-import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,6 +20,7 @@ from octoform.endpoint.environment.build import prune
 from octoform.endpoint.process.log_rotation import archives, drop
 from octoform.endpoint.process.log_rotation import rotate as rotate_log
 from octoform.endpoint.published_files import read_manifest
+from octoform.patterns import regex
 from octoform.state.files import mount_point
 from octoform.state.layout import Layout
 
@@ -31,7 +31,7 @@ YOUNG_SECONDS = 3600.0
 ATTEMPTS_KEPT = 2
 """The last ones of each stage stay: they say how what is accepted came to be."""
 _NAMES = ("environment", "previous_environment")
-_ATTEMPT = re.compile(r"\d+-(?P<stage>.+)-\d+")
+_ATTEMPT = regex(r"\d+-(?P<stage>.+)-\d+")
 
 
 def free(layout: Layout, wanted: int = WANTED) -> Done:

@@ -4,7 +4,6 @@ The order matters: repairs are made one after the other, and a process that died
 damaged or its packages gone is started last. What another finding explains is no finding of its own.
 """
 
-import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
@@ -15,13 +14,14 @@ from octoform.daemon.signals import Silence, silent
 from octoform.daemon.triage import process
 from octoform.daemon.triage.failure_history import ABSENT, AMBIGUOUS, OVERDUE, Failing, Recall
 from octoform.endpoint.client.check_verdict import DEFECTS
+from octoform.patterns import regex
 
 # Devices that went, came back somewhere else, or may be another one; and hardware that PROBE never saw.
 #
 # A device that is gone is waited for: its tools stay and say that it is absent. Only hardware that appeared, or that
 # went without being one of the endpoint's devices, is a reason to discover again.
 
-_CLASS = re.compile(r"^class:(?P<name>.+):(?P<count>\d+)$")
+_CLASS = regex(r"^class:(?P<name>.+):(?P<count>\d+)$")
 
 
 def judge_devices(facts: Facts, before: Facts | None) -> Iterator[Finding]:

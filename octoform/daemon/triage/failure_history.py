@@ -3,7 +3,6 @@
 A value that `remember` carries on; `as_json` and `from_json` let it survive a restart of the daemon. (Light.)
 """
 
-import re
 from collections.abc import Mapping
 from dataclasses import field, replace
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts
 from octoform.endpoint.logs import LoggedCall
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 MAX_TOOLS = 200
@@ -25,7 +25,7 @@ OVERDUE = "Overdue"
 ABSENT, AMBIGUOUS = "DeviceAbsent", "AmbiguousDevice"
 _OF_DEVICES = frozenset({ABSENT, AMBIGUOUS})
 """Failures that say where a device is not; once all of them are where they should be, they say nothing any more."""
-_CHANGING = re.compile(r"0x[0-9a-fA-F]+|\b[0-9a-f]{8,}\b|\d+(?:\.\d+)?")
+_CHANGING = regex(r"0x[0-9a-fA-F]+|\b[0-9a-f]{8,}\b|\d+(?:\.\d+)?")
 
 
 @dataclass(frozen=True, slots=True)

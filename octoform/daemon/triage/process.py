@@ -7,6 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
 from octoform.daemon.triage.failure_history import Recall
+from octoform.patterns import regex
 
 CRASHES = 3
 """Short lives in the window after which it is a loop, and another start alone no repair."""
@@ -115,17 +116,17 @@ FOREIGN = "foreign"
 SINGLE = 3
 """Damaged files of one folder that are reported one by one; more are reported as the folder."""
 _STAGE_PARTS = 3
-_PACKAGE = re.compile(r"^(?P<name>[A-Za-z0-9][\w.-]*) (?:\S+ )?(?:is gone from|was added to|-> \S+ in) the serving env")
-_CONFLICT = re.compile(r"was added to the serving environment|both provide|provided by (two|several)")
-_SERVED = re.compile(r"^(server\.py|the runtime)\b")
-_OTHER_SERVER = re.compile(r"^server\.py is not the one that the endpoint was made for$")
+_PACKAGE = regex(r"^(?P<name>[A-Za-z0-9][\w.-]*) (?:\S+ )?(?:is gone from|was added to|-> \S+ in) the serving env")
+_CONFLICT = regex(r"was added to the serving environment|both provide|provided by (two|several)")
+_SERVED = regex(r"^(server\.py|the runtime)\b")
+_OTHER_SERVER = regex(r"^server\.py is not the one that the endpoint was made for$")
 """A damaged one is reported by its path; one that was accepted since is reported as such."""
-_ELSEWHERE = re.compile(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
+_ELSEWHERE = regex(r"^the endpoint is not running$|tools differ|did not answer when it was last checked")
 """Reasons that are about the process, or about a check of former days: the process itself is asked instead."""
-_OF_PERSON = re.compile(r"built for another set of packages|published by another version of octoform")
+_OF_PERSON = regex(r"built for another set of packages|published by another version of octoform")
 """Nothing is damaged, and what was applied serves; a person's apply brings the other in."""
-_MISSING = re.compile(r"No module named '?(?P<name>[A-Za-z_]\w*)")
-_IMPORT = re.compile(r"\b(ModuleNotFoundError|ImportError)\b|/site-packages/")
+_MISSING = regex(r"No module named '?(?P<name>[A-Za-z_]\w*)")
+_IMPORT = regex(r"\b(ModuleNotFoundError|ImportError)\b|/site-packages/")
 
 
 def damaged(facts: Facts) -> Iterator[Finding]:
@@ -249,10 +250,8 @@ LEAST_FREE = 64_000_000
 """Bytes below which a state, a log or a built environment may not be written any more."""
 LARGEST_LOG = 10_000_000
 """Bytes above which a log is archived."""
-_ASIDE = re.compile(r"\.\d+(\.\w+)?$")
-_PORT = re.compile(
-    r"address already in use|\bports?\b.{0,80}\b(taken|in use|free)\b|\b(taken|in use)\b.{0,40}\bport", re.I
-)
+_ASIDE = regex(r"\.\d+(\.\w+)?$")
+_PORT = regex(r"address already in use|\bports?\b.{0,80}\b(taken|in use|free)\b|\b(taken|in use)\b.{0,40}\bport", re.I)
 
 
 def disk(facts: Facts) -> Iterator[Finding]:

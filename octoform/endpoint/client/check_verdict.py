@@ -11,6 +11,7 @@ from typing import Any
 from octoform.base.quantities import BOUNDS, COUNTS, is_possible, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.endpoint.policy import LINE
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # What a check of the endpoint saw, as values.
@@ -310,12 +311,12 @@ _NETWORK = frozenset(
     {"ConnectionError", "ConnectionRefusedError", "ConnectionResetError", "ConnectionAbortedError", "gaierror"}
     | {"URLError", "HTTPError", "ConnectError", "ConnectTimeout", "ReadTimeout", "NewConnectionError", "herror"}
 )
-_NETWORK_SAID = re.compile(
+_NETWORK_SAID = regex(
     r"connection (?:refused|reset)|name or service not known|network is unreachable|no route to host"
     r"|temporary failure in name resolution|getaddrinfo",
     re.IGNORECASE,
 )
-_MISSING = re.compile(r"\[Errno 2\] No such file or directory: '([^'/]+)'")
+_MISSING = regex(r"\[Errno 2\] No such file or directory: '([^'/]+)'")
 
 
 def _program(kind: str, text: str) -> str | None:

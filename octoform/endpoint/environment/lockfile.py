@@ -18,6 +18,7 @@ from octoform.base.files import read, replace
 from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic, error, is_untrusted_certificate
 from octoform.endpoint.bounded_program import Finished, base_environment, run
 from octoform.endpoint.environment.model import normal
+from octoform.patterns import regex
 
 # The package tool (uv): found, given a small environment, run for a bounded time, its reason made short.
 #
@@ -35,8 +36,8 @@ _FROM_PIP = (
 _SYSTEM_CERTS = ("UV_SYSTEM_CERTS", "UV_NATIVE_TLS")
 """The system's certificates, which a host behind an inspecting proxy has been given: uv's name today, and before."""
 _DROPPED = ("UV_PROJECT_ENVIRONMENT", "UV_SYSTEM_PYTHON", "UV_PYTHON", "UV_BREAK_SYSTEM_PACKAGES")
-_CREDENTIALS = re.compile(r"(://)[^/@\s]+@")
-_NETWORK = re.compile(
+_CREDENTIALS = regex(r"(://)[^/@\s]+@")
+_NETWORK = regex(
     r"error sending request|failed to fetch|dns error|connect(ion)? (error|refused|reset|timed out)|timed? ?out"
     r"|network is unreachable|network was disabled|failed to lookup address",
     re.IGNORECASE,
@@ -91,11 +92,11 @@ Locked = tuple[str | None, tuple[Diagnostic, ...]]
 
 _NAME = r"[A-Za-z0-9](?:[A-Za-z0-9._-]*[A-Za-z0-9])?"
 _CLAUSE = r"(?:===?|!=|~=|<=?|>=?)\s*[A-Za-z0-9.*+!_-]+"
-_REQUIREMENT = re.compile(
+_REQUIREMENT = regex(
     rf"^\s*{_NAME}(?:\s*\[\s*{_NAME}(?:\s*,\s*{_NAME})*\s*\])?\s*(?:{_CLAUSE}(?:\s*,\s*{_CLAUSE})*)?\s*(?:;[^@\r\n]*)?$"
 )
-_PINNED = re.compile(rf"^({_NAME})==(\S+?)\s*(;[^\\]*?)?\s*\\?$")
-_HASH = re.compile(r"--hash=(\S+)")
+_PINNED = regex(rf"^({_NAME})==(\S+?)\s*(;[^\\]*?)?\s*\\?$")
+_HASH = regex(r"--hash=(\S+)")
 
 
 OFFLINE = "connect the host, or fill the package cache on it once"

@@ -22,13 +22,14 @@ from typing import Any
 from octoform.base.digest import of_value, short
 from octoform.base.files import head, read_json, stream
 from octoform.base.shape import fits
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 MARKER = "octoform-complete.json"
 _WHOLE = {"digest": str, "lock": str, "distributions": [str], "modules": ([str], None)}
-FOLDER_NAME = re.compile(r"[0-9a-f]{12}")
-_PIN = re.compile(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;\\]+)", re.MULTILINE)
+FOLDER_NAME = regex(r"[0-9a-f]{12}")
+_PIN = regex(r"^([A-Za-z0-9][A-Za-z0-9._-]*)==([^\s;\\]+)", re.MULTILINE)
 _DIST_INFO = ".dist-info"
 _RECORD = "RECORD"
 _PREFIX = "sha256="
@@ -215,8 +216,8 @@ def requirements(folder: Path) -> dict[str, frozenset[str]]:
         extras |= asked
 
 
-_REQUIRED = re.compile(r"(?m)^Requires-Dist:[ \t]*([A-Za-z0-9][A-Za-z0-9._-]*)[ \t]*(?:\[([^\]\n]*)\])?([^\n]*)$")
-_EXTRA = re.compile(r"\bextra\s*==\s*['\"]([^'\"]+)['\"]")
+_REQUIRED = regex(r"(?m)^Requires-Dist:[ \t]*([A-Za-z0-9][A-Za-z0-9._-]*)[ \t]*(?:\[([^\]\n]*)\])?([^\n]*)$")
+_EXTRA = regex(r"\bextra\s*==\s*['\"]([^'\"]+)['\"]")
 
 
 def _wanted(name: str, extras: str, rest: str) -> tuple[str, frozenset[str], str | None]:

@@ -4,7 +4,6 @@ A recorded host is asked where its programs were recorded; otherwise nothing is 
 that works on the recording say nothing.
 """
 
-import re
 import shutil
 import sqlite3
 from collections.abc import Mapping
@@ -17,13 +16,14 @@ from octoform.base.shape import fits
 from octoform.contracts.rules.serve.code_rules import started_blindly, tools_starting
 from octoform.contracts.server_code.server_source import Source, read_source
 from octoform.host import SYSROOT_VARIABLE
+from octoform.patterns import regex
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 
 FOLDERS = ("usr/local/sbin", "usr/local/bin", "usr/sbin", "usr/bin", "sbin", "bin")
 COMMANDS = "var/lib/command-not-found/commands.db"
 """Where Debian keeps which package has which program, if that was installed."""
-_NAMED = re.compile(
+_NAMED = regex(
     r"`([a-z][\w.+-]+)(?= -)[^`]*`|\b([a-z][\w.+-]*\w) --?[a-z]"
     r"|\b(?:program|utility) `?([a-z][\w.+-]*\w)`?(?= *(?:[-.,;()]|of|$))"
 )

@@ -10,6 +10,7 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, indent_at, line_end, line_start, nested
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # Read JSON as clients take it, with the place of every value: comments, trailing commas, single quotes, bare names.
@@ -20,12 +21,12 @@ from octoform.records import dataclass
 # than any one client does; whether a file is right for its client is not decided here.
 
 MAX_DEPTH = 200
-COMMENT = re.compile(r"//[^\n\r\u2028\u2029]*|/\*.*?\*/", re.DOTALL)
-_BLANK = re.compile(r"[\s\ufeff]+")
-_STRING = re.compile(r'"(?:[^"\\\n\r]++|\\(?:\r\n|.))*+"' + r"|'(?:[^'\\\n\r]++|\\(?:\r\n|.))*+'", re.DOTALL)
-_NUMBER = re.compile(r"([+-]?)(0[xX][0-9a-fA-F]+|Infinity|NaN|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w$])")
-_NAME = re.compile(r"(?:[\w$]|\\u[0-9a-fA-F]{4})(?:[\w$\u200c\u200d]|\\u[0-9a-fA-F]{4})*")
-_ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2})|(\r\n|.))", re.DOTALL)
+COMMENT = regex(r"//[^\n\r\u2028\u2029]*|/\*.*?\*/", re.DOTALL)
+_BLANK = regex(r"[\s\ufeff]+")
+_STRING = regex(r'"(?:[^"\\\n\r]++|\\(?:\r\n|.))*+"' + r"|'(?:[^'\\\n\r]++|\\(?:\r\n|.))*+'", re.DOTALL)
+_NUMBER = regex(r"([+-]?)(0[xX][0-9a-fA-F]+|Infinity|NaN|(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)(?![\w$])")
+_NAME = regex(r"(?:[\w$]|\\u[0-9a-fA-F]{4})(?:[\w$\u200c\u200d]|\\u[0-9a-fA-F]{4})*")
+_ESCAPE = regex(r"\\(?:u([0-9a-fA-F]{4})|x([0-9a-fA-F]{2})|(\r\n|.))", re.DOTALL)
 _WORDS = {"true": True, "false": False, "null": None}
 _SIGNS = {"b": "\b", "f": "\f", "n": "\n", "r": "\r", "t": "\t", "v": "\v", "0": "\0"}
 _CONTINUED = ("\r\n", "\n", "\r", "\u2028", "\u2029")

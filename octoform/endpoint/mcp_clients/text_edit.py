@@ -4,14 +4,14 @@ Every notation is a module with the same three functions, see `Notation`. They w
 mark and leave every character alone that does not belong to the one change.
 """
 
-import re
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 Path: TypeAlias = tuple[str, ...]
-_LINE_END = re.compile(r"\r\n|\n|\r")
+_LINE_END = regex(r"\r\n|\n|\r")
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,11 +11,12 @@ import tomllib
 from typing import Any
 
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, at, line_end, nested
+from octoform.patterns import regex
 
-_BARE = re.compile(r"[A-Za-z0-9_-]+")
-_HEADER = re.compile(r"^[ \t]*\[(?:\[([^\[\]\r\n]+)\]|([^\[\]\r\n]+))\][ \t]*(?:#[^\r\n]*)?\r?$", re.MULTILINE)
-_COMMENT = re.compile(r"^[ \t]*#.*$", re.MULTILINE)
-_WHERE = re.compile(r"\(at line (\d+), column (\d+)\)|\(at end of document\)")
+_BARE = regex(r"[A-Za-z0-9_-]+")
+_HEADER = regex(r"^[ \t]*\[(?:\[([^\[\]\r\n]+)\]|([^\[\]\r\n]+))\][ \t]*(?:#[^\r\n]*)?\r?$", re.MULTILINE)
+_COMMENT = regex(r"^[ \t]*#.*$", re.MULTILINE)
+_WHERE = regex(r"\(at line (\d+), column (\d+)\)|\(at end of document\)")
 
 
 def read(text: str) -> dict[str, Any] | Unreadable:

@@ -6,14 +6,14 @@ alone. What comes in is written with JSON's strings and lists, which every YAML 
 """
 
 import json
-import re
 from dataclasses import dataclass
 from typing import Any
 
 from octoform.endpoint.mcp_clients.text_edit import Notation, Path, Unreadable, line_end, line_start, rest_of_line
+from octoform.patterns import regex
 
 _STEP = "  "
-_ALIAS = re.compile(r"\*[^\s,\[\]{}]+")
+_ALIAS = regex(r"\*[^\s,\[\]{}]+")
 
 
 def read(text: str) -> dict[str, Any] | Unreadable:

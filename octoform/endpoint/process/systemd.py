@@ -5,7 +5,6 @@ that there is one supervisor and not two. Light until systemctl is really asked.
 """
 
 import os
-import re
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -15,6 +14,7 @@ from octoform.base.digest import of_bytes
 from octoform.base.files import read
 from octoform.endpoint.process.record import MARK, unmark
 from octoform.endpoint.published_files import LAUNCHER
+from octoform.patterns import regex
 from octoform.records import dataclass
 from octoform.state.layout import Layout
 
@@ -257,7 +257,7 @@ def watches(layout: Layout, path: Path) -> bool:
 # that path works today and not next week. Light.
 
 NAME = "octoform"
-_UV_FOLDER = re.compile(r"(archive|environments|builds)-v\d+")
+_UV_FOLDER = regex(r"(archive|environments|builds)-v\d+")
 _PIPX_CACHES = (".cache/pipx", ".local/pipx/.cache", ".local/share/pipx/.cache", "Library/Caches/pipx")
 
 

@@ -7,7 +7,6 @@ other stream has no order with the replies.
 """
 
 import json
-import re
 import shlex
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -33,6 +32,7 @@ from octoform.harness.port import (
 from octoform.harness.program_location import Pin
 from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
+from octoform.patterns import regex
 
 REQUEST_RETRIES = 2
 STREAM_RETRIES = 5
@@ -52,21 +52,21 @@ OPTIONS = (
     *("exec", "--json", "--ephemeral", "--skip-git-repo-check"),
     "--dangerously-bypass-approvals-and-sandbox",
 )
-PIECE = re.compile(
+PIECE = regex(
     rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.sse_event\" event\.kind=(\S+) (?:duration_ms="
     rb"|input_token_count=(\d{1,15}) output_token_count=(\d{1,15})(?: cached_token_count=(\d{1,15}))?)"
 )
-FAILED = re.compile(
+FAILED = regex(
     rb"\S+ +INFO codex_otel\S*: event\.name=\"codex\.(?:sse_event|api_request)\" .*?(?:status_code=(\d{3}) )?"
     rb"error\.message=(.*?) (?:event\.timestamp=|attempt=\d+ .*endpoint=\"/responses)"
 )
 COMPLETED = b"response.completed"
 TOOLS = ("command_execution", "file_change", "mcp_tool_call", "web_search")
-STATUS = re.compile(r"\bstatus:? (\d{3})\b")
+STATUS = regex(r"\bstatus:? (\d{3})\b")
 SIGNS = (
-    (ExitReason.AUTH, re.compile(r"(?i)missing environment variable")),
-    (ExitReason.RATE_LIMIT, re.compile(r"(?i)usage limit")),
-    (ExitReason.UNREACHABLE, re.compile(r"(?i)high demand|at capacity")),
+    (ExitReason.AUTH, regex(r"(?i)missing environment variable")),
+    (ExitReason.RATE_LIMIT, regex(r"(?i)usage limit")),
+    (ExitReason.UNREACHABLE, regex(r"(?i)high demand|at capacity")),
 )
 """Messages without a status that only this program has."""
 

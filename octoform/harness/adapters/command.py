@@ -15,10 +15,11 @@ from octoform.harness.contained_attempt import Invocation, run_contained
 from octoform.harness.port import Outcome, ProgressSink, Task
 from octoform.manifest.model import PLACEHOLDERS, HarnessSpec, Sandbox
 from octoform.manifest.references import resolve_argument
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 PROMPT_WAYS = ("stdin", "file", "argument")
-_PLACEHOLDER = re.compile(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)\}")
+_PLACEHOLDER = regex(r"\{\{|\}\}|\{([A-Za-z_][A-Za-z0-9_]*)\}")
 
 
 @dataclass(frozen=True, slots=True)

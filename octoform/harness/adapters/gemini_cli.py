@@ -6,7 +6,6 @@ status is an HTTP status modulo 256 and is not read. It reports retries on stand
 """
 
 import json
-import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, ClassVar
@@ -32,6 +31,7 @@ from octoform.harness.program_location import Pin
 from octoform.harness.watcher import added
 from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
+from octoform.patterns import regex
 
 ATTEMPTS = 4
 SPARE_TURNS = 5
@@ -44,12 +44,12 @@ OPTIONS = (
 )
 RECORD = b'{"method":"generateContent'
 STREAMED = "generateContentStream"
-RETRY = re.compile(rb"Attempt \d+ failed(?: with status (\d{3}))?[.:]")
-STATUS = re.compile(rb"\s+(?:code|status): (\d{3}),?\s*$")
+RETRY = regex(rb"Attempt \d+ failed(?: with status (\d{3}))?[.:]")
+STATUS = regex(rb"\s+(?:code|status): (\d{3}),?\s*$")
 """A field of a failed request as it is shown on standard error; the result may have its words alone."""
 NO_KEY = b"When using Gemini API, you must specify"
-CODE = re.compile(r'"code":\s*(\d{3})\b')
-STOPPED = re.compile(r"(?i)loop detected|max session turns")
+CODE = regex(r'"code":\s*(\d{3})\b')
+STOPPED = regex(r"(?i)loop detected|max session turns")
 
 
 class GeminiCli:

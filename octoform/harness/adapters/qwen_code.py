@@ -7,7 +7,6 @@ guard against loops cannot be switched off: the same call five times over is the
 """
 
 import json
-import re
 import uuid
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -33,6 +32,7 @@ from octoform.harness.port import (
 from octoform.harness.program_location import Pin
 from octoform.manifest.credentials import ANTHROPIC, CHAT, GEMINI, RESPONSES
 from octoform.manifest.model import HarnessSpec
+from octoform.patterns import regex
 
 SPARE_TURNS = 5
 """octoform counts replies itself; the program's own limit only has to hold where no one reads along."""
@@ -58,10 +58,10 @@ SETTINGS: Mapping[str, Any] = {
 """Read only where it is not in its bare mode."""
 PIECE = b'{"type":"stream_event"'
 STOP = b'"event":{"type":"message_stop"}'
-LOGGED = re.compile(rb"\S+ \[(?:WARN|ERROR)\] \[(RETRY|OPENAI_ERROR)\] (.*)")
-STATUS = re.compile(r"(?:with status|Error:) (\d{3})\b")
+LOGGED = regex(rb"\S+ \[(?:WARN|ERROR)\] \[(RETRY|OPENAI_ERROR)\] (.*)")
+STATUS = regex(r"(?:with status|Error:) (\d{3})\b")
 API_ERROR = "[API Error: "
-STOPPED = re.compile(r"(?i)loop detection halted|reached max session turns")
+STOPPED = regex(r"(?i)loop detection halted|reached max session turns")
 
 
 class QwenCode:

@@ -8,7 +8,6 @@ it belongs to this user and is not older than the attempt. Names and ids alone p
 
 import json
 import os
-import re
 import time
 from collections.abc import Iterator
 from contextlib import suppress
@@ -21,6 +20,7 @@ from octoform.base.place import KEY, is_from, place_of
 from octoform.base.processes import PROC, is_alive, process_stat, signal_one
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 # The facts in /proc of a process.
@@ -79,7 +79,7 @@ def _users(pid: str) -> tuple[int, ...]:
 
 RECORD = "process.json"
 RECORD_LIMIT = 64 << 10
-_MARK = re.compile("[0-9a-f]{32}")
+_MARK = regex("[0-9a-f]{32}")
 ROUNDS = 100
 HUNT_SECONDS, QUIET = 5.0, 20
 """How long what comes without end is hunted, and how many looks at nothing are the end."""

@@ -23,6 +23,7 @@ from octoform.manifest.schema.fields import (
     distinct,
     problem,
 )
+from octoform.patterns import regex
 
 GLOB_PATTERN = r"^[A-Za-z0-9_.*?-]{1,128}$"
 BOUNDS = ("minimum", "maximum", "step", "cumulative")
@@ -150,7 +151,7 @@ _NAME = rf"{_LABEL}(\.{_LABEL})*"
 HOST_PATTERN = rf"^({_NAME}|{_ADDRESS})$"
 ORIGIN_PATTERN = rf"^https?://({_NAME}|\[[0-9A-Fa-f:.]+\])(:[0-9]{{1,5}})?$"
 _MAX_HOST = 253
-_PLACEHOLDER = re.compile(r"(?<![{$])\{([A-Za-z_][A-Za-z0-9_]*)\}(?!\})")
+_PLACEHOLDER = regex(r"(?<![{$])\{([A-Za-z_][A-Za-z0-9_]*)\}(?!\})")
 
 
 def _interface(value: str) -> str:

@@ -5,20 +5,20 @@ state, of this host, of a format that is understood); the heavy reader adds the 
 """
 
 import json
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 from octoform.state.files import display, read_regular
 from octoform.state.layout import Layout
 
 FORMAT = 1
 _ZERO = b"\0"
 _OURS, _THEIRS = b"<<<<<<< ", b">>>>>>> "
-_BEGINNING = re.compile(r"(?:n|nu|nul|t|tr|tru|f|fa|fal|fals|[\d.eE+-]+)$")
+_BEGINNING = regex(r"(?:n|nu|nul|t|tr|tru|f|fa|fal|fals|[\d.eE+-]+)$")
 _ESCAPE_LENGTH = len(r"\u0000")
 
 
@@ -142,7 +142,7 @@ _USAGE: Mapping[str, tuple[type, ...]] = {
     "cost_source": _TEXT_OR_NONE,
 }
 _STATUS = ("accepted", "interrupted", "failed")
-_TIME = re.compile(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)")
+_TIME = regex(r"\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d(\.\d+)?(Z|[+-]\d\d:\d\d)")
 
 
 def _is_whole(document: Mapping[str, Any]) -> bool:

@@ -4,18 +4,18 @@ Light: no terminal library is imported here; a plan with nothing to do must not 
 """
 
 import os
-import re
 import sys
 from collections.abc import Mapping
 from io import TextIOWrapper
 from typing import TextIO
 
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
-_PAINT = re.compile(r"\x1b\[[\d;]*m")
-_SOURCE = re.compile(r" *\d* \|")
-_WORD = re.compile(r"( *)([^ ]+)")
+_PAINT = regex(r"\x1b\[[\d;]*m")
+_SOURCE = regex(r" *\d* \|")
+_WORD = regex(r"( *)([^ ]+)")
 
 
 @dataclass(frozen=True, slots=True)

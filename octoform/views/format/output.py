@@ -1,7 +1,6 @@
 """Plain results: validation, schema, pages of codes, texts."""
 
 import json
-import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
@@ -10,13 +9,14 @@ import octoform
 from octoform.base.clock import stamp
 from octoform.base.escaping import escaped_json
 from octoform.diagnostics import Diagnostic, has_errors, to_json
+from octoform.patterns import regex
 from octoform.views.format import problems
 from octoform.views.format.console import Console, broken
 from octoform.views.format.problems import summary
 
 WIDEST = 100
 """Columns of a page, however wide the terminal is: longer lines are hard to read."""
-_KEEPS_ITS_LINE = re.compile(r"[#|>\s]|[-*] |\d+\. ")
+_KEEPS_ITS_LINE = regex(r"[#|>\s]|[-*] |\d+\. ")
 
 
 def validation(console: Console, found: Sequence[Diagnostic], *, as_json: bool) -> int:

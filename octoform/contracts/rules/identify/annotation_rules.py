@@ -26,6 +26,7 @@ from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.name_rules import CLAIMED, PAGE
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 # Classes of the kernel with one meaning and a standard interface, by what they have in common.
 _FAMILIES = (
@@ -39,24 +40,24 @@ _FAMILIES = (
 _EVIDENT = frozenset().union(*_FAMILIES)
 # What a person would name although it is built in, and what a hand works on.
 _WANTED = frozenset({"video4linux", "sound"})
-_INPUT_KINDS = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:keyboard|mouse|touchpad|touchscreen)\b")
-_PRODUCT = re.compile(r"(?m)^(?:product|name): (.*)$")
-_ATTACHED = re.compile(r"^/sys/devices/(?!virtual/)(?!.*/bluetooth/)")
+_INPUT_KINDS = regex(r"(?m)^input\[\d+\]\.kinds: .*\b(?:keyboard|mouse|touchpad|touchscreen)\b")
+_PRODUCT = regex(r"(?m)^(?:product|name): (.*)$")
+_ATTACHED = regex(r"^/sys/devices/(?!virtual/)(?!.*/bluetooth/)")
 # Drivers that bind to whatever is there; that of a hub or of a bridge identifies it.
 _GENERAL_DRIVERS = frozenset({"usb", "usb-generic"})
 # A code of USB or PCI for a kind of function: 00 leaves it to the interfaces, ff to the maker.
-_CLASS_CODE = re.compile(r"(?im)class(?:_?code)?\W+(?:0x)?(?!00|ff)[0-9a-f]{2}(?![g-z])")
+_CLASS_CODE = regex(r"(?im)class(?:_?code)?\W+(?:0x)?(?!00|ff)[0-9a-f]{2}(?![g-z])")
 # Keys of lines that carry numbers, drivers and what a database has; every other line with a word is a string.
-_NO_STRING = re.compile(
+_NO_STRING = regex(
     r"(?i)(?:.*[\W_])?(?:interface\W*\d*|\w*class(?:_?code)?|drivers?|modalias|alias|module|subsystem|devtype|bus|speed"
     r"|\w+_from_database)"
 )
-_USB_PORT = re.compile(r"\d+-\d+(?:\.\d+)*")
-_NUMBER = re.compile(r"(?:0x)?[0-9a-f]{1,8}(?:[:.,/ ]+(?:0x)?[0-9a-f]{1,8})*", re.IGNORECASE)
-_UNREAL = re.compile(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
+_USB_PORT = regex(r"\d+-\d+(?:\.\d+)*")
+_NUMBER = regex(r"(?:0x)?[0-9a-f]{1,8}(?:[:.,/ ]+(?:0x)?[0-9a-f]{1,8})*", re.IGNORECASE)
+_UNREAL = regex(r"(?i)\b(?:qemu|virtual\w*|virtio|vmware|hyper-?v|vbox|gadget|dummy|emulated|simulated|xen|kvm)\b")
 # What the firmware lists is there; LNX marks what Linux adds to its tables.
-_FIRMWARE = re.compile(r"(?m)^modalias: (?:acpi|pnp):(?!LNX)")
-_ATTRIBUTE = re.compile(r"(?m)^([\w-]+)\[\d+\]\.(\w+): .+$")
+_FIRMWARE = regex(r"(?m)^modalias: (?:acpi|pnp):(?!LNX)")
+_ATTRIBUTE = regex(r"(?m)^([\w-]+)\[\d+\]\.(\w+): .+$")
 _NAMES = frozenset({"name", "label", "driver", "id", "role", "kinds", "events", "usages", "product", "vendor", "model"})
 # Reasons that the class of a device can contradict; the others are judgements.
 _DENYING = frozenset({"no_function", "no_standard_interface", "bus_infrastructure", "duplicate_path"})
@@ -303,7 +304,7 @@ def _apart(entry: JsonObject, other: JsonObject) -> bool:
     return known and slots[0] != slots[1]
 
 
-_PCI_PORT = re.compile(r"[0-9a-f]{4,}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
+_PCI_PORT = regex(r"[0-9a-f]{4,}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
 _OF_A_UNIT = frozenset({"block", "nvme", "input"})
 """Classes of which two devices are two things, unless one is below the other or they have one name."""
 

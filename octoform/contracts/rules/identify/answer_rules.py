@@ -20,11 +20,12 @@ from octoform.contracts.name_clues import tokens
 from octoform.contracts.name_words import word_set
 from octoform.contracts.rules.raw_line_rules import lines_answered, lines_answered_incompletely
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.patterns import regex
 
 METHOD = "user_answer"
 MAX_QUOTE = 500
 # Question marks, also those of Armenian, Greek, Arabic and full-width writing.
-_ASKS = re.compile("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
+_ASKS = regex("[?\u055e\u037e\u061f\u2047\u2048\u2049\uff1f]")
 
 
 def texts(device: str, artifacts: Artifacts) -> tuple[str, ...]:
@@ -94,7 +95,7 @@ def profile_ignored(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]
     ]
 
 
-_DENIED = re.compile(
+_DENIED = regex(
     r"(?i)(?<!\bdo )(?<!\bdoes )(?<!\bmust )(?<!\bshould )(?<!\bmay )(?<!\bcan )\b(?:not(?! only\b)|no longer|isn't"
     r"|formerly|previously|used to be|instead of|rather than|kein\w*|nicht(?! nur\b))\b[^,.;:!?\n]*"
 )
@@ -108,7 +109,7 @@ def denied_words(device: str, artifacts: Artifacts) -> frozenset[str]:
     return word_set(parts) - word_set([_DENIED.sub(" ", answer)]) if parts else frozenset()
 
 
-_NUMBER = re.compile(r"(?<![\w.,])-?\d+(?:[.,]\d+)?(?![\w-])")
+_NUMBER = regex(r"(?<![\w.,])-?\d+(?:[.,]\d+)?(?![\w-])")
 _COUNTS = ["one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "eleven", "twelve"]
 _BOUNDS = frozenset({"range", "ranges", "minimum", "maximum", "min", "max", "limit", "limits", "highest", "lowest"})
 _COLOURED = ("colour", "color", "hue", "saturation", "rgb")

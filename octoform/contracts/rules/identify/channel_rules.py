@@ -16,34 +16,35 @@ from octoform.contracts.movement_words import names_unit, unknown_units
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
-_CHANNEL = re.compile(r"(?:in|out)_[a-z]+\w*|(?:temp|fan|in|curr|power|humidity|pwm)\d+")
-_SHOWN = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): ")
-_COUNTED = re.compile(r"(?:n?lines?|line_count|num_lines|ngpio|n_?gpios?|max_brightness|max_state)")
-_OF_A_LIGHT = re.compile(r"(?:brightness_)?(?:range|levels|steps|maximum|max)")
-_ASKED = re.compile(r"(?:sample_?)?rates?(?:_hz)?|sampling_rates?|bit_?depths?|sample_formats?")
-_PARTS = re.compile(r"fans|leds|labels|sensors|zones|lights|backlights|rails|connectors|readings|kinds")
-_LABELLED = re.compile(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): .*?label=(.+)$")
-_NESTED = re.compile(r"ngpio|max_brightness|max_state")
+_CHANNEL = regex(r"(?:in|out)_[a-z]+\w*|(?:temp|fan|in|curr|power|humidity|pwm)\d+")
+_SHOWN = regex(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): ")
+_COUNTED = regex(r"(?:n?lines?|line_count|num_lines|ngpio|n_?gpios?|max_brightness|max_state)")
+_OF_A_LIGHT = regex(r"(?:brightness_)?(?:range|levels|steps|maximum|max)")
+_ASKED = regex(r"(?:sample_?)?rates?(?:_hz)?|sampling_rates?|bit_?depths?|sample_formats?")
+_PARTS = regex(r"fans|leds|labels|sensors|zones|lights|backlights|rails|connectors|readings|kinds")
+_LABELLED = regex(r"(?m)^(?:hwmon|iio)\[\d+\]\.(\w+): .*?label=(.+)$")
+_NESTED = regex(r"ngpio|max_brightness|max_state")
 _UNITS = (
-    (re.compile(r"(?:in_|out_)?temp"), frozenset({"degC", "degF", "K"})),
-    (re.compile(r"(?:in_)?humidity"), frozenset({"%"})),
-    (re.compile(r"in_pressure"), frozenset({"kPa", "hPa"})),
-    (re.compile(r"fan\d"), frozenset({"rpm", "%"})),
-    (re.compile(r"in\d|(?:in|out)_voltage"), frozenset({"V"})),
-    (re.compile(r"curr\d|(?:in|out)_current"), frozenset({"A"})),
-    (re.compile(r"power\d"), frozenset({"W"})),
-    (re.compile(r"in_illuminance"), frozenset({"lux"})),
-    (re.compile(r"in_accel"), frozenset({"m/s^2"})),
-    (re.compile(r"in_anglvel"), frozenset({"rad/s"})),
+    (regex(r"(?:in_|out_)?temp"), frozenset({"degC", "degF", "K"})),
+    (regex(r"(?:in_)?humidity"), frozenset({"%"})),
+    (regex(r"in_pressure"), frozenset({"kPa", "hPa"})),
+    (regex(r"fan\d"), frozenset({"rpm", "%"})),
+    (regex(r"in\d|(?:in|out)_voltage"), frozenset({"V"})),
+    (regex(r"curr\d|(?:in|out)_current"), frozenset({"A"})),
+    (regex(r"power\d"), frozenset({"W"})),
+    (regex(r"in_illuminance"), frozenset({"lux"})),
+    (regex(r"in_accel"), frozenset({"m/s^2"})),
+    (regex(r"in_anglvel"), frozenset({"rad/s"})),
 )
 """How the names of the kernel's channels begin (ABI/testing/sysfs-class-hwmon, sysfs-bus-iio), with their units."""
 _TINTS = frozenset({"colour", "colours", "color", "colors", "hue", "saturation", "rgb"})
-_TINTED = re.compile(r"(?i)rgb|colou?r|(?:^|[:_\W])(?:red|green|blue|white|amber|multi)")
-_DEEP = re.compile(r"(?i)depth|stereo|tof|lidar|3d|rgbd")
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
-_BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
-_READINGS = re.compile(r"(?m)^power_supply\[\d+\]\.readings: (.+)$")
+_TINTED = regex(r"(?i)rgb|colou?r|(?:^|[:_\W])(?:red|green|blue|white|amber|multi)")
+_DEEP = regex(r"(?i)depth|stereo|tof|lidar|3d|rgbd")
+_NUMBER = regex(r"\d+(?:[.,]\d+)?")
+_BY_DEFINITION = regex(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
+_READINGS = regex(r"(?m)^power_supply\[\d+\]\.readings: (.+)$")
 _SUPPLIED = {"temperature": "temp", "current": "current_", "voltage": "voltage_"}
 """Quantities of a power supply, each with how its attributes begin (ABI/testing/sysfs-class-power)."""
 
@@ -174,7 +175,7 @@ def _beyond(
             yield error("IDENTIFY-PROFILE-WIDENED", summary, pointer=f"{where}/{member}", hint=hint)
 
 
-_FREE_NUMBER = re.compile(r"(?<![\w.,])\d+(?:[.,]\d+)?(?![\w])")
+_FREE_NUMBER = regex(r"(?<![\w.,])\d+(?:[.,]\d+)?(?![\w])")
 
 
 def _wider(given: Mapping[str, Any], own: Mapping[str, Any]) -> str:

@@ -18,16 +18,17 @@ from octoform.contracts.name_words import has_digit, is_proper, missing, parts, 
 from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 # Facts that a device is asked for at every call, or that are in its descriptor.
-_ASKED = re.compile(
+_ASKED = regex(
     r"(?:max_|min_|pixel_|image_|video_)?(?:resolutions?|sizes?|fps|frame_?rates?|accuracy|formats?|modes)"
     r"|(?:max(?:imum)?_|min(?:imum)?_)(?:width|height)|(?:design_|full_|nominal_)capacity(?:_\w+)?|capacity_m?[aw]h"
     r"|(?:[xyz]|axis|pressure|tilt|touch|contact)_?(?:range|levels?|min|max|minimum|maximum|resolution|points)"
     r"|(?:max_)?(?:contacts?|touches|touch_?points|fingers)"
 )
-_NUMBER = re.compile(r"\d+(?:[.,]\d+)?")
-_BY_DEFINITION = re.compile(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
+_NUMBER = regex(r"\d+(?:[.,]\d+)?")
+_BY_DEFINITION = regex(r"(?i)%|percent|\b(?:asked|reported|read) (?:at|in) (?:every|each) call")
 # Libraries for one kind of line, and the classes of which one leads there.
 _LINES: dict[str, tuple[str, ...]] = {
     "pyserial": ("tty",),
@@ -36,7 +37,7 @@ _LINES: dict[str, tuple[str, ...]] = {
     "spidev": ("spi", "spidev"),
     "hidapi": ("hid", "hidraw", "usb-03"),
 }
-_ESCAPE = re.compile(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\s")
+_ESCAPE = regex(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\s")
 _SHOWN = {"picture", "image", "photo", "photograph", "snapshot"}
 
 
@@ -59,14 +60,14 @@ def fact_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic
 
 _COUNTS = ["two", "three", "four", "five", "six", "seven", "eight", "nine", "ten", "twelve", "sixteen", "twenty"]
 _VALUES = {word: str(number) for word, number in zip(_COUNTS, (2, 3, 4, 5, 6, 7, 8, 9, 10, 12, 16, 20), strict=True)}
-_FIGURE = re.compile(
+_FIGURE = regex(
     r"(?i)(?<![\w.,])(\d+(?:[.,]\d+)?)\s?[x\u00d7]\s?(\d+)\b"
     r"|(?<![\w.,])(\d+(?:[.,]\d+)?|" + "|".join(_COUNTS) + r")[\s-]?"
     r"(?:inch(?:es)?|mm|cm|px|pixels?|megapixels?|mp|dpi|fps|[kmg]?hz|[kmgt]i?b(?:it/s)?|mah|wh|watts?|volts?|lumens?|rpm"
     r"|points?|contacts?|fingers?|channels?|cores?|axes|buttons?|levels?|degrees?)\b"
 )
 """Amounts in prose: a size, and a number with its unit."""
-_SOURCE = re.compile(r"(?i)https?://|\bwww\.|\b(?:usb|pci|pnp|oui)\.?ids\b|\bhwdb\b|\bdata ?(?:base|sheet)\b")
+_SOURCE = regex(r"(?i)https?://|\bwww\.|\b(?:usb|pci|pnp|oui)\.?ids\b|\bhwdb\b|\bdata ?(?:base|sheet)\b")
 
 
 def figure_from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -98,7 +99,7 @@ def from_memory(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
 
 _SENSES = frozenset({"video4linux", "usb-0e", "hwmon", "thermal", "iio", "power_supply"})
 """Classes of the kernel of which a reading is what comes out, unless a capability acts."""
-_TOUCHED = re.compile(r"(?m)^input\[\d+\]\.kinds: .*\b(?:touchscreen|touchpad|tablet)\b")
+_TOUCHED = regex(r"(?m)^input\[\d+\]\.kinds: .*\b(?:touchscreen|touchpad|tablet)\b")
 """Inputs that a hand works on, whatever the device is called."""
 _SHINES = frozenset({"leds", "backlight"})
 """Classes of the kernel that only take a value and give back what was set."""

@@ -5,7 +5,6 @@ unknown, visibly, with the sentence that would settle it.
 """
 
 import operator
-import re
 from collections import defaultdict
 
 from octoform.base.escaping import display, listed
@@ -26,18 +25,19 @@ from octoform.contracts.rules.identify import (
 from octoform.contracts.rules.identify.annotation_rules import capabilities
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.patterns import regex
 
 MANY_DEVICES = 40
 MANY_CAPABILITIES = 5
 _EMPTY_WORDS = frozenset(
     {"", "none", "n/a", "na", "unknown", "tbd", "todo", "null", "-", "?", "some library", "library"}
 )
-_NO_WAY = re.compile(
+_NO_WAY = regex(
     r"(?i)\b(?:appropriate|suitable|relevant|corresponding|unspecified|unknown)\b"
     r"|\bto be (?:determined|found|decided)\b|\bt\.?b\.?[ad]\b"
 )
-_STRINGS = re.compile(r"(?m)^(product|manufacturer|model|name|hid\[\d+\]\.name): (.*)$")
-_UNBROKEN = re.compile(r"[0-9A-Za-z]+")
+_STRINGS = regex(r"(?m)^(product|manufacturer|model|name|hid\[\d+\]\.name): (.*)$")
+_UNBROKEN = regex(r"[0-9A-Za-z]+")
 _ACTING = ("sensor", "actuator", "bidirectional")
 
 

@@ -21,22 +21,23 @@ from octoform.contracts.rules.identify import answer_rules
 from octoform.contracts.rules.identify.answer_rules import is_quoted
 from octoform.contracts.rules.identify.prose_rules import is_foreign
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 # From here on a name is claimed to be known; below, only the kind of device is claimed.
 CLAIMED = 0.5
 ACTING = ("sensor", "actuator", "bidirectional")
 _DATABASE, _WEB, _ANSWER = "id_database", "web_search", answer_rules.METHOD
 _OBSERVED = ("kernel_class", "descriptor_driver")
-_KEY = re.compile(r"(?m)^[\w.\[\]-]+(?: \w+)?: ")
-PAGE = re.compile(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b(?!\S*(?:/search\b|[?&](?:q|query|search)=))")
+_KEY = regex(r"(?m)^[\w.\[\]-]+(?: \w+)?: ")
+PAGE = regex(r"\b[\w-]+(?:\.[\w-]+)*\.[a-z]{2,}\b(?!\S*(?:/search\b|[?&](?:q|query|search)=))")
 """The address of a page; that of a search is none, whose results are others on the next day."""
-_SEVERAL = re.compile(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
-_SOURCE = re.compile(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
-_HEAD = re.compile(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
-_WITH = re.compile(r"(?i)\s(?:with|and|plus)\s")
+_SEVERAL = regex(r"\s/\s|[,;]|\bor\b|\bseries\b|\bfamily\b", re.IGNORECASE)
+_SOURCE = regex(r"(?i)\b(?:usb|pci|sdio)\.ids\b|\bhwdb\b|\bid database\b")
+_HEAD = regex(r"\s(?:with|via|through|behind|over|using|on|for|in|beside|under)\s|[(,;:/]", re.IGNORECASE)
+_WITH = regex(r"(?i)\s(?:with|and|plus)\s")
 # Numbers of a kind's registration, which a name does not consist of.
-_CODES = re.compile(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
-_BOOT = re.compile(r"\bclass 03/01/0[12]\b")
+_CODES = regex(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
+_BOOT = regex(r"\bclass 03/01/0[12]\b")
 """A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
 # Words of a device's own strings that say a kind of thing in another word.
 _SYNONYMS = {"imager": "camera", "lte": "modem", "wwan": "modem", "scan": "scanner", "imaging": "camera"}
@@ -70,7 +71,7 @@ _VAGUE = frozenset(
         *("some", "a", "an", "the", "of", "object", "item", "module", "unit", "interface"),
     )
 )
-_OWN_STRINGS = re.compile(r"(?m)^(?:product|model|name|hid\[\d+\]\.name): (.*)$")
+_OWN_STRINGS = regex(r"(?m)^(?:product|model|name|hid\[\d+\]\.name): (.*)$")
 # Classes of which each device of a bus has one, whatever it is.
 _BARE = RAW | {"usb-02", "usb-03"}
 _CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"

@@ -6,7 +6,6 @@ device reports of itself may be quoted as it stands, however it sounds: a string
 here.
 """
 
-import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -16,8 +15,9 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.identify import answer_rules
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
-_ORDERS = re.compile(
+_ORDERS = regex(
     r"(?i)\b(?:ignore|disregard|override|bypass|forget)\b[^.;\n]{0,40}"
     r"\b(?:instruct\w*|rules?|polic\w+|limits?|budget|contracts?|specs?|guards?|safety|previous|prior|above|prompts?)\b"
     r"|\byou (?:must|should|have to|are (?:now|allowed|to|the|a|an)|need to|may not|will)\b"
@@ -34,8 +34,8 @@ _ORDERS = re.compile(
     r"|\b(?:ignoriere|ignorez|ignora) (?:alle|alles|toutes|todas|tutte)\b"
     r"|\u5ffd\u7565|\u0438\u0433\u043d\u043e\u0440\u0438\u0440\u0443"
 )
-_CALLS = re.compile(r"(?i)\b(?:call|invoke|run|use) [a-z]+(?:_[a-z0-9]+)+\b")
-_PLACES = re.compile(
+_CALLS = regex(r"(?i)\b(?:call|invoke|run|use) [a-z]+(?:_[a-z0-9]+)+\b")
+_PLACES = regex(
     r"/dev/(?:\w+/)*by-(?:id|path|uuid|label)/\S+|\busb\d+/\d+-\d+\S*|\b(?:plug)?hw:\d+(?:,\d+)*\b|/dev/(?:[\w.-]+/)*[a-z_-]*\d[\w:.-]*(?![\w*{<])|/dev/sd[a-z]\b"
     r"|/sys/devices/\S+|/sys/class/\w+/[\w.:-]*\d\b(?![*{<])"
     r"|\btty(?:USB|ACM|S|AMA|XRUSB|O)\d+\b|\bCOM\d+\b|\b(?:video|hwmon|hidraw|gpiochip|nvme\dn|event|i2c-)\d+\b"
@@ -43,7 +43,7 @@ _PLACES = re.compile(
     r"|(?<![\w.])(?<!version )(?<!firmware )(?:25[0-5]|2[0-4]\d|1?\d?\d)(?:\.(?:25[0-5]|2[0-4]\d|1?\d?\d)){3}(?![\w.])"
     r"|\b(?:usb )?(?:port|bus) \d+-\d+(?:\.\d+)*\b"
 )
-_INPUT = re.compile(r"\binput\d+\b")
+_INPUT = regex(r"\binput\d+\b")
 _ADDRESSED = frozenset({"address", "addr", "mac"})
 _CURES = {
     "identified_as": "name it as a person would, by what it is",

@@ -17,6 +17,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
 from octoform.contracts.rules.interface.parameter_rules import strings_of, takes_a_program, unfit
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 MAX_WAIT = 60.0
 """Seconds; the bound of protocol/interface.md."""
@@ -40,12 +41,12 @@ _PLACES = frozenset(
     | {"host", "hostname", "port", "socket", "attribute", "args", "argv", "ip"}
     | {"webhook", "callback", "server", "recipient", "email"}
 )
-_PLACE_SAID = re.compile(r"(?i)\b(?:ur[il]s?|https?|web ?hook|e-?mail|file ?name|ip address|path|folder|directory)\b")
+_PLACE_SAID = regex(r"(?i)\b(?:ur[il]s?|https?|web ?hook|e-?mail|file ?name|ip address|path|folder|directory)\b")
 _PLACES_TOGETHER = ({"output", "to"}, {"device", "node"}, {"save", "as"}, {"save", "to"}, {"dev", "node"})
 _NUMBERED = frozenset({"register", "reg", "address", "addr", "opcode", "endpoint"})
 _BYTES = frozenset({"hex", "bytes", "payload", "raw", "base64", "packet"})
 _LONG = frozenset({"min", "mins", "minutes", "h", "hours"})
-_PAST = re.compile(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
+_PAST = regex(r"(?i)\b(?:last|past|ago|history|since|previous|recent|logged)\b")
 MAX_TRIAL = 10.0
 """Seconds that the test call of a reading may wait, or record."""
 _FROM_NOTHING = frozenset(
@@ -67,23 +68,23 @@ _FROM_NOTHING = frozenset(
 """Words for what has no less than none of it: a percentage of it begins at 0."""
 _UP_TO_ALL = _FROM_NOTHING - {"intensity", "contrast", "loudness", "humidity"} | {"pwm"}
 """Words for what has no more than all of it: a percentage of it ends at 100."""
-_BEYOND = re.compile(
+_BEYOND = regex(
     r"(?i)pulse ?audio|pipewire|wireplumber|pactl|wpctl|sound server|amplif|boost|over-?drive|gain|software"
     r"|of (?:the |its )?(?:nominal|rated|design|default|normal)"
 )
 """Words by which there may be more than all of something: software amplifies beyond 100 percent."""
-_OF_ANOTHER = re.compile(r"(?i)speed|tempo|rate|zoom|scale|size|length|time|duration|saturation|temperature|pitch")
+_OF_ANOTHER = regex(r"(?i)speed|tempo|rate|zoom|scale|size|length|time|duration|saturation|temperature|pitch")
 """Words of a quantity of which there may be any percentage of the usual."""
-_CHANGES = re.compile(
+_CHANGES = regex(
     r"(?i)change|relative|offset|delta|adjust|differ|shift|trim|correct|step|balance|negative|more or less"
 )
 _ANY_OF = frozenset(
     {"all", "any", "none", "both", "auto", "default", "first", "every", "each", "off", "on", "mean", "max", "min"}
 )
-_KERNEL_NAME = re.compile(r"(?i)[a-z]+[-_:]?\d+|.*[:_].*")
+_KERNEL_NAME = regex(r"(?i)[a-z]+[-_:]?\d+|.*[:_].*")
 _LARGEST = 1e15
 """A bound beyond this bounds nothing: doubles count no further in ones."""
-_ONE_CLASS = re.compile(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
+_ONE_CLASS = regex(r"\^?(\[[^\]]{1,80}\]|\.|\\[wWsSdD])(?:[*+]|\{\d*,\d*\})\$?")
 _SIGNS = "aZ09 /;$-.#"
 """The words for parts of lines, commands and paths."""
 _TAKES_ALL = frozenset({".*", "^.*$", ".+", "^.+$", "[\\s\\S]*", "^[\\s\\S]*$", "(?s).*", ""})

@@ -20,34 +20,35 @@ from octoform.contracts.rules.interface.bound_rules import listed_of
 from octoform.contracts.rules.interface.member_units import is_unit
 from octoform.contracts.rules.interface.subject_rules import known_text
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 _INSTANCE = {
-    "a hardware address": re.compile(r"\b[0-9a-f]{2}(?:[:-][0-9a-f]{2}){5}\b", re.IGNORECASE),
-    "a place of a device": re.compile(r"(?<![\w/])/(?:dev|sys)/\w[\w/.:-]*"),
-    "a port of a bus": re.compile(r"\b(?:usb|port|bus)\s+\d+-\d+(?:\.\d+)*\b", re.IGNORECASE),
-    "a serial number": re.compile(
+    "a hardware address": regex(r"\b[0-9a-f]{2}(?:[:-][0-9a-f]{2}){5}\b", re.IGNORECASE),
+    "a place of a device": regex(r"(?<![\w/])/(?:dev|sys)/\w[\w/.:-]*"),
+    "a port of a bus": regex(r"\b(?:usb|port|bus)\s+\d+-\d+(?:\.\d+)*\b", re.IGNORECASE),
+    "a serial number": regex(
         r"\bserial (?:number|no\.?)\s*[:=]?\s*(?=[A-Z0-9-]*\d)[A-Z0-9][A-Z0-9-]{4,}\b", re.IGNORECASE
     ),
 }
-_ORDERS = re.compile(
+_ORDERS = regex(
     r"\b(?:ignore|disregard|forget|override)\s+(?:\w+\s+){0,3}?(?:instructions?|prompts?|rules)\b"
     r"|<\s*/?\s*(?:system|assistant|user|instructions?|important)\s*>|(?:^|\n)\s*(?:system|assistant)\s*:"
     r"|\balways (?:call|use|run|invoke) (?:this|it)\b|\b(?:before|instead of) (?:any|every|all) others?\b"
     r"|\byou are now\b|\breveal (?:your|the) (?:system )?prompt\b|\bdo not (?:tell|inform) the user\b",
     re.IGNORECASE,
 )
-_OPEN = re.compile(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
-_DEMANDS = re.compile(
+_OPEN = regex(r"\b(?:TODO|FIXME|TBD|TBA|lorem ipsum)\b|\bdescribe this tool\b")
+_DEMANDS = regex(
     r"\byou (?:must|have to|need to) (?:(?:always|first|then|also|never|again|please) ){0,2}"
     r"(?:call|use|run|execute|invoke)\b",
     re.IGNORECASE,
 )
-_CALLS = re.compile(
+_CALLS = regex(
     r"\b(?:(?:[Cc]all|[Ii]nvoke|[Ee]xecute|[Rr]un)\s+(?:the\s+)?(?:tool\s+)?|[Uu]se\s+the\s+tool\s+)"
     r"[`'\"]?([a-zA-Z][a-zA-Z0-9]*(?:[_.][a-zA-Z0-9]+)+)\b"
 )
 """An order to call something whose name can only be that of a tool."""
-_SENDS_AWAY = re.compile(
+_SENDS_AWAY = regex(
     r"(?:^|[.;\n])(?:(?!\b(?:not|never|no|nothing|none|without)\b)[^.;\n]){0,200}?"
     r"\b(?:(?:e-?mails|uploads?) (?:it|them|the|each|every|a)\b|(?:uploads?|publish(?:es)?|posts?|pushes|transmits?"
     r"|streams?|sends?|shares?|forwards?|synchroni[sz]es?)\b[^.;\n]{0,60}?\b(?:cloud|internet|web ?sites?|web ?hooks?"
@@ -162,10 +163,8 @@ _QUANTITIES = {
     **{"temperature": "degC", "temperatures": "degC", "humidity": "%", "pressure": "kPa", "voltage": "V"},
     **{"voltages": "V", "illuminance": "lux", "acceleration": "m/s^2"},
 }
-_NEGATED = re.compile(
-    r"\b(?:no|not|nor|neither|never|without|unlike|nothing|only|cannot|except|instead)\b", re.IGNORECASE
-)
-_ACCURATE = re.compile(
+_NEGATED = regex(r"\b(?:no|not|nor|neither|never|without|unlike|nothing|only|cannot|except|instead)\b", re.IGNORECASE)
+_ACCURATE = regex(
     r"\b(?:accura\w+|precis\w+)\b[^.;\n\d]{0,20}(?:±\s*)?(\d+(?:\.\d+)?)|±\s*(\d+(?:\.\d+)?)", re.IGNORECASE
 )
 
@@ -191,16 +190,16 @@ def _promised(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str
 
 # What a description contradicts: the schema of its tool, its effect and the numbers of its devices.
 
-_RANGE = re.compile(
+_RANGE = regex(
     r"(?<![\w.,-])([-\u2212]?\d+(?:\.\d+)?) ?(?:%|percent)? ?(?:to|and|\.\.+|\u2013|-) ?"
     r"([-\u2212+]?\d+(?:\.\d+)?)(?![\w-]*\d)(?: ?(%|[a-zA-Z]+))?"
 )
-_UP_TO = re.compile(
+_UP_TO = regex(
     r"(?i)\b(?:at most|up to|no (?:more|longer) than|not more than|maximum(?: of| is)?|max\.?)\s+"
     r"(\d+(?:\.\d+)?)(?: ?([a-z]+))?"
 )
-_DEFAULT = re.compile(r"(?i)\bdefaults?\b(?:\s+(?:is|to|of|value))*\W{0,3}(-?\d+(?:\.\d+)?)(?![\w.]*\d)")
-_ASIDE = re.compile(
+_DEFAULT = regex(r"(?i)\bdefaults?\b(?:\s+(?:is|to|of|value))*\W{0,3}(-?\d+(?:\.\d+)?)(?![\w.]*\d)")
+_ASIDE = regex(
     r"(?i)\b(?:raw|levels?|kernel|counts?|ticks|driver|hardware|internal\w*|nominal\w*|usual\w*|typical\w*|normal\w*"
     r"|recommended|such as|e\.g|for example|comfort\w*|safe\w*|takes|lasts|about|roughly|scaled?|mapped|means?|some)\b"
 )
@@ -215,29 +214,29 @@ _WAITS = frozenset({"seconds", "timeout", "wait", "duration", "ms", "millisecond
 """Words of a parameter that is how long a whole call lasts; `tone_seconds` is a part of one."""
 _NUMBER_WORDS = ("two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 _COUNTED = {word: number for number, word in enumerate(_NUMBER_WORDS, 2)}
-_PARTS = re.compile(
+_PARTS = regex(
     rf"(?i)\b(\d+|{'|'.join(_COUNTED)}) (?:joints|axes|channels|relays|fans|motors|servos|zones|cores|megapixels?"
     r"|mp|fps|frames per second|dpi|lumens|[mg]hz)\b"
 )
-_ONLY_READS = re.compile(
+_ONLY_READS = regex(
     r"(?i)(?:^|[.;]\s*|\bit |\bthis |\btool )(?:is |it |this |tool )*(?:read-only\b|only reads\b|reads only\b"
     r"|(?:changes nothing|(?:does not|never) changes? anything)\b(?! (?:else|further|more|other|of|in|on)\b)"
     r"|(?:is )?without (?:any )?effect)"
 )
-_READS_FIRST = re.compile(r"(?i)^\W*(?:reads?|measures?|lists?|monitors?)\s+(?:the|an?|its|one|all|each|every)\b")
-_FOR_GOOD = re.compile(
+_READS_FIRST = regex(r"(?i)^\W*(?:reads?|measures?|lists?|monitors?)\s+(?:the|an?|its|one|all|each|every)\b")
+_FOR_GOOD = regex(
     r"(?i)\b(?:cannot|can not|can't|can never) be (?:undone|restored|recovered|reversed|brought back)\b"
     r"|\birreversibl[ey]\b|\b(?:lost|gone|erased|destroyed) (?:for good|for ever|permanently)\b"
 )
-_BY_STEPS = re.compile(
+_BY_STEPS = regex(
     r"(?i)^\W*(?:raise|lower|increase|decrease|add|advance|step|turn|move|shift)s?\b[^.;\n]*"
     r"\b(?:each|every) (?:time|call)\b"
 )
-_ANY_UNIT = re.compile(r'"units?": \{"type": "string"(?:, "(?:title|description)": "[^"]*")*\}')
+_ANY_UNIT = regex(r'"units?": \{"type": "string"(?:, "(?:title|description)": "[^"]*")*\}')
 """A member of the result that states the unit of each value."""
-_FROM = re.compile(r"(?i)\b(?:from|between)\s$")
-_BAUD = re.compile(r"(?i)(?<![\d.,])(\d{3,7}) ?(?:baud|bd)\b")
-_BARE_NUMBER = re.compile(r"-?\d+(?:\.\d+)?")
+_FROM = regex(r"(?i)\b(?:from|between)\s$")
+_BAUD = regex(r"(?i)(?<![\d.,])(\d{3,7}) ?(?:baud|bd)\b")
+_BARE_NUMBER = regex(r"-?\d+(?:\.\d+)?")
 
 
 def _contradicted(tool: JsonObject, artifacts: Artifacts) -> Iterator[tuple[str, str]]:

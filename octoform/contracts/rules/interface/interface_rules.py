@@ -16,6 +16,7 @@ from octoform.contracts.rules import raw_line_rules
 from octoform.contracts.rules.interface import bound_rules, description_rules, member_units, parameter_rules
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
+from octoform.patterns import regex
 
 _BUDGET, _SIZE, _UNSAFE = "tool_budget", "server_size", "unsafe"
 SPARED = frozenset({_BUDGET, _SIZE, _UNSAFE})
@@ -109,7 +110,7 @@ def devices_differ(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
     return out
 
 
-_PRODUCT = re.compile(r"(?mi)^(product|manufacturer|vendor|model|maker): (.+)$")
+_PRODUCT = regex(r"(?mi)^(product|manufacturer|vendor|model|maker): (.+)$")
 _MAKERS = ("manufacturer", "vendor", "maker")
 
 
@@ -156,7 +157,7 @@ def _coined(lines: list[tuple[str, str]]) -> set[str]:
     return {word.casefold() for word in found}
 
 
-_INSIDE = re.compile(r"[a-z][A-Z]|[A-Za-z]\d|\d[A-Za-z]")
+_INSIDE = regex(r"[a-z][A-Z]|[A-Za-z]\d|\d[A-Za-z]")
 
 
 def _is_own(word: str) -> bool:

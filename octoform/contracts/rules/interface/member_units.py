@@ -14,6 +14,7 @@ from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.interface.subject_rules import known_text
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.patterns import regex
 
 _QUANTITIES = frozenset(
     {"temperature", "temp", "humidity", "pressure", "voltage", "illuminance", "lux", "distance", "altitude"}
@@ -47,10 +48,10 @@ _UNIT_WORDS = """
     baud mbps kbps gbps mbit rev revolutions turns millidegrees permille ppt pixel pixels px lb lbs oz
 """
 _UNITS = frozenset(_UNIT_WORDS.split())
-_SIGNS = re.compile(
+_SIGNS = regex(
     r"[°%‰Ωµμ²³]|\b(?:m/s|rad/s|km/h|1/s|m/s\^2|n·m|w/m|kg/m)|\b0(?:\.0)? (?:to|\.\.) ?1(?:\.0)?\b", re.IGNORECASE
 )
-_LETTER = re.compile(r"(?:\bin|[,(\[/:;])\s*(?:[CFKVAWNgmshJ])(?![\w-])")
+_LETTER = regex(r"(?:\bin|[,(\[/:;])\s*(?:[CFKVAWNgmshJ])(?![\w-])")
 _BESIDE = frozenset({"unit", "units"})
 
 
@@ -137,7 +138,7 @@ _TIMES = {
     f"{prefix}second{plural}": f"{prefix}second" for prefix in ("", "milli", "micro", "nano") for plural in ("", "s")
 }
 _SHORT_TIMES = {"s": "second", "sec": "second", "secs": "second", "ms": "millisecond", "us": "microsecond"}
-_MILLI_OF = re.compile(r"(?:millidegrees?|thousandths? of (?:a )?degrees?) (?:c|celsius)\b")
+_MILLI_OF = regex(r"(?:millidegrees?|thousandths? of (?:a )?degrees?) (?:c|celsius)\b")
 
 
 def _disagree(name: str, description: Any) -> bool:
@@ -158,8 +159,8 @@ def _disagree(name: str, description: Any) -> bool:
     return own is not None and bool(names) and own not in names
 
 
-_STATED = re.compile(r"\b[Ii]n ((?:[mµuk]?[VAW]))\b(?!-)")
-_SHARE = re.compile(r"(?<![\d.])0(?:\.0+)? ?(?:to|\.\.+|-|–) ?1(?:\.0+)?(?![\d.]\d|\d|%| percent)|\bfraction\b")
+_STATED = regex(r"\b[Ii]n ((?:[mµuk]?[VAW]))\b(?!-)")
+_SHARE = regex(r"(?<![\d.])0(?:\.0+)? ?(?:to|\.\.+|-|–) ?1(?:\.0+)?(?![\d.]\d|\d|%| percent)|\bfraction\b")
 _ENDS_OF_BITS = frozenset({255, 1023, 4095, 65535})
 """Where a raw value ends, and no percentage."""
 _PERCENT = frozenset({"percent", "percentage", "pct"})
@@ -346,8 +347,8 @@ def _is_text(schema: Any) -> bool:
     return free and bool(set(members) & _BARE or _ALL_IN_ONE.search(str(only.get("description", ""))))
 
 
-_RAW = re.compile(r"(?i)\b(?:raw|counts?|ticks|steps?|unscaled|unitless|without a unit)\b")
-_HUNDRED = re.compile(r"(?<![\d.])100(?![\d.])")
+_RAW = regex(r"(?i)\b(?:raw|counts?|ticks|steps?|unscaled|unitless|without a unit)\b")
+_HUNDRED = regex(r"(?<![\d.])100(?![\d.])")
 
 
 def _raw_in_percent(schema: Any, where: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], str]]:
@@ -411,7 +412,7 @@ def unit_contradicted(value: JsonObject) -> list[Diagnostic]:
 
 
 _BARE = frozenset({"result", "text", "output", "value", "response", "answer", "stdout", "reply", "data", "content"})
-_ALL_IN_ONE = re.compile(r"(?i)\b(?:as|in|one|whole|plain) text\b|\boutput of\b|\bto be parsed\b|\beverything\b")
+_ALL_IN_ONE = regex(r"(?i)\b(?:as|in|one|whole|plain) text\b|\boutput of\b|\bto be parsed\b|\beverything\b")
 _READS_TEXT = frozenset(
     {"text", "barcode", "barcodes", "code", "label", "message", "ocr", "card", "tag", "badge", "page"}
     | {"listen", "console", "log", "line", "lines", "sentence", "sentences"}

@@ -17,8 +17,9 @@ from octoform.contracts.name_clues import changes, tokens
 from octoform.contracts.name_words import word_set
 from octoform.contracts.rules.raw_line_rules import lines_answered, lines_without_knowledge
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
-_PROGRAM = re.compile(
+_PROGRAM = regex(
     r"(?i)\b(?:python|javascript|typescript|lua|perl|ruby|bash|shell|sql|jq|awk|sed|json ?path|xpath|regexp?|regular"
     r"|boolean|arithmetic|filter|lambda|cel|jinja2?|template)\s+"
     r"(?:expressions?|code|scripts?|commands?|programs?|snippets?|statements?|functions?|quer(?:y|ies)|syntax|language)\b"
@@ -56,7 +57,7 @@ _OF: tuple[tuple[frozenset[str], tuple[str, ...]], ...] = (
     (frozenset({"pan", "yaw"}), ("ptz", "gimbal", "rotat", "imu", "gyro", *_LIMBS.split())),
 )
 """Words for a quantity, and parts of the words of which at least one is in the texts of the devices that have it."""
-_VOLUMES = re.compile(r"(?i)\b(?:percent|decibels?|db|loud|level)\b|%")
+_VOLUMES = regex(r"(?i)\b(?:percent|decibels?|db|loud|level)\b|%")
 
 
 _WHOLE = frozenset(
@@ -64,7 +65,7 @@ _WHOLE = frozenset(
     | {"repetitions", "events", "readings", "bytes", "pixels", "fps", "milliseconds", "minutes"}
 )
 """Words for sizes, counts and waits, of which there is no less than none."""
-_DIFFERENCE = re.compile(r"(?i)change|relative|offset|delta|adjust|differ|shift|correct|negative|before|ago")
+_DIFFERENCE = regex(r"(?i)change|relative|offset|delta|adjust|differ|shift|correct|negative|before|ago")
 _JSON: dict[str, tuple[type, ...]] = {
     "string": (str,),
     "integer": (int,),
@@ -127,7 +128,7 @@ _GENERAL = frozenset(
 )
 """Words for what anything that acts may take."""
 _ALIKE = frozenset({"channel", "output", "line", "port", "relay", "outlet"})
-_SEVERAL = re.compile(
+_SEVERAL = regex(
     r"(?i)\b(?:relays?|channels?|outputs?|outlets?|sockets?)\b|\b(?:\d+|two|three|four|six|eight)[ -][a-z]+s\b"
 )
 

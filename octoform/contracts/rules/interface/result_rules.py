@@ -5,7 +5,6 @@ against text here (a pattern can be written to never end).
 """
 
 import json
-import re
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
 from functools import lru_cache
@@ -23,6 +22,7 @@ from octoform.contracts.rules.interface.bound_rules import listed_of, sample_too
 from octoform.contracts.rules.interface.member_units import units_of_quantity
 from octoform.contracts.schema_validation import Problem, validator
 from octoform.diagnostics import Diagnostic, error
+from octoform.patterns import regex
 
 MAX_UNFOLDED = 5000
 
@@ -149,7 +149,7 @@ def _is_wider(limit: JsonObject, member: JsonObject) -> bool:
     return below or (isinstance(high, int | float) and isinstance(most, int | float) and high > most)
 
 
-_PROFILE = re.compile(r"\bprofile[: ]+['\"`]?([a-z][\w-]+)")
+_PROFILE = regex(r"\bprofile[: ]+['\"`]?([a-z][\w-]+)")
 
 
 def limit_empty(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
@@ -251,7 +251,7 @@ def _units_in(schema: Any) -> Iterator[str | None]:
             yield from _units_in(item)
 
 
-_SERIAL = re.compile(
+_SERIAL = regex(
     r"(?i)(?:^|_)serial(?:_?(?:number|no|nr|num|id))?$|(?:^|_)(?:imei|imsi|iccid|meid)$|^(?:system|product)_uuid$"
 )
 

@@ -12,21 +12,22 @@ from octoform.base.escaping import display
 from octoform.contracts.device_kinds import KINDS, visible_kinds
 from octoform.contracts.model import Artifacts, JsonObject, effects_of
 from octoform.contracts.name_clues import is_class_word, is_filler, kind_of
+from octoform.patterns import regex
 
-_SENTENCE = re.compile(r"(?<=[.!?;:])\s+|\n+")
-_ASKS = re.compile(
+_SENTENCE = regex(r"(?<=[.!?;:])\s+|\n+")
+_ASKS = regex(
     r"(?i)\b(?:whether|if|when|while|until|unless|no|not|never|nothing|nobody|none|neither|without|cannot|somebody"
     r"|someone|anybody|people|person|user|hand|who|instead|other than|unlike|beside|besides|as opposed|rather|reports?"
     r"|count(?:s|ed)?|how)\b"
 )
 """A sentence with one of these asks, denies or compares."""
-_MOVED = re.compile(
+_MOVED = regex(
     r"(?i)\b(?:is|are|gets?|being)\s+(?:\w+\s+)?(?:turned|moved|driven|rotated|tilted|panned|steered|swung|lowered|raised"
     r"|positioned)\s+(?:to|by|towards|into|away|around)\b"
     r"|\b(?:it|tool|call|camera|server|which|also|first|then)\s+(?:\w+\s+)?"
     r"(?:turns|moves|drives|rotates|tilts|pans|steers|swings|lowers|raises)\s+(?:the|an?|its|each|every)\b"
 )
-_BEGINS = re.compile(
+_BEGINS = regex(
     r"(?i)^\W*(?:(?:set|write|move|drive|switch|change|adjust|erase|reset|increase|decrease|dim|rotate|open|close"
     r"|enable|disable|start|stop)s?|turns?(?: on| off)?)\s+(?:the|an?|its|one|all|each|every)\b"
 )
@@ -38,10 +39,10 @@ _STOP_WORDS = """
     wait were what when where whether which while will with without host computer here
 """
 _STOP = frozenset(_STOP_WORDS.split())
-_RUN = re.compile(r"[A-Z0-9][\w+/-]*(?:[ ][A-Z0-9][\w+/-]*)+")
+_RUN = regex(r"[A-Z0-9][\w+/-]*(?:[ ][A-Z0-9][\w+/-]*)+")
 _PLAIN_WORDS = "linux python windows macos celsius fahrenheit kelvin hertz ethernet internet bluetooth"
 _PLAIN = frozenset(_PLAIN_WORDS.split())
-_GENERAL = re.compile(
+_GENERAL = regex(
     r"(?i)(?:usb|pci|pcie|i2c|spi|pcm|hdmi|dp|vga|sata|ps|ipv?|utf|iso|hid|tpm|mp|m|h|x|v|e?sata|ddr|lpddr|cd|dvd|acpi_?video"
     r"|video4linux|v4l|rs|uart|gpio|hwmon|tty\w*|card|input|event|pc|sd|so|at|k|wifi|bt|cec|ac|bat|adp|cpu|core|eth|wlan)"
     r"[-_]?\d+(?:\.\d+)*|\d+(?:st|nd|rd|th|p|i|k|d|x|bit|mm|cm|hz|khz|mhz|ghz|mb|gb|tb|v|w|a|s|ms|g|fps)|\d+x\d+|[\d.]+"

@@ -5,7 +5,6 @@ The calls are computed with attributes whose text is their own name, so that a r
 
 import ast
 import itertools
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
@@ -22,17 +21,18 @@ from octoform.contracts.server_code.origins import Origin, last
 from octoform.contracts.server_code.server_evaluator import Evaluator
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 OTHERWISE, CONSTANT = "SERVE-READING-OTHERWISE", "SERVE-CONSTANT-READING"
 _BUDGET = 40_000
 _SIGN = "\N{WHITE SQUARE}"
-_OF_ONE = re.compile(r"(?:^|_)(?:serial|uuid|asset_tag)(?:$|_)")
-_NAMES = re.compile(
+_OF_ONE = regex(r"(?:^|_)(?:serial|uuid|asset_tag)(?:$|_)")
+_NAMES = regex(
     r"(?:sys|board|bios|chassis)_vendor|(?:product|board)_name|(?:product|board|bios|chassis)_version|product_family"
     r"|bios_date|manufacturer|model_name|firmware_(?:version|rev)"
 )
 """Members that are named as the kernel names an attribute, whose text is a fact of the unit at hand."""
-_MEASURED = re.compile(r"(?:^|_)(?:waited|elapsed|took)(?:$|_)")
+_MEASURED = regex(r"(?:^|_)(?:waited|elapsed|took)(?:$|_)")
 
 
 @dataclass

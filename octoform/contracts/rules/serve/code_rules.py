@@ -4,7 +4,6 @@ A generated server runs with the rights of the person who started it, on the mac
 """
 
 import ast
-import re
 import sys
 from collections.abc import Iterator
 
@@ -16,6 +15,7 @@ from octoform.contracts.rules.text_rules import in_source
 from octoform.contracts.server_code.script_header import declared_names, header, normalised
 from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source, walk
 from octoform.diagnostics import Diagnostic, Span, error
+from octoform.patterns import regex
 
 MAX_LINES = 500
 
@@ -24,7 +24,7 @@ _DYNAMIC = frozenset(
     | {"builtins.eval", "builtins.exec", "builtins.compile", "builtins.__import__", "runpy.run_path"}
     | {"runpy.run_module", "code.interact", "code.InteractiveInterpreter", "code.InteractiveConsole"}
 )
-_SHELL = re.compile(
+_SHELL = regex(
     r"os\.(?:system|popen|exec[lv]p?e?|spawn[lv]p?e?|posix_spawnp?|fork|forkpty)|pty\.(?:spawn|fork)"
     r"|subprocess\.(?:getoutput|getstatusoutput)|asyncio\.create_subprocess_shell|asyncio\.subprocess\.create_.*shell"
 )
@@ -32,14 +32,12 @@ SPAWN = frozenset(
     {f"subprocess.{name}" for name in ("run", "Popen", "call", "check_call", "check_output")}
     | {"asyncio.create_subprocess_exec"}
 )
-_INTERPRETERS = re.compile(
-    r"(?:.*/)?(?:(?:ba|da|z|k|c|fi)?sh|python[\d.]*|perl|ruby|node|env|sudo|su|doas|pkexec|xargs)"
-)
-_UNSAFE_LOADS = re.compile(
+_INTERPRETERS = regex(r"(?:.*/)?(?:(?:ba|da|z|k|c|fi)?sh|python[\d.]*|perl|ruby|node|env|sudo|su|doas|pkexec|xargs)")
+_UNSAFE_LOADS = regex(
     r"(?:c?pickle|_pickle|dill|cloudpickle|joblib|marshal|jsonpickle)\.(?:loads?|Unpickler|decode)|shelve\.open"
     r"|yaml\.(?:load|unsafe_load|full_load)(?:_all)?|torch\.load"
 )
-_LISTENERS = re.compile(
+_LISTENERS = regex(
     r"asyncio\.start(?:_unix)?_server|(?:.*\.)?create_(?:unix_)?server|uvicorn\..*|hypercorn\..*|waitress\..*"
     r"|http\.server\..*Server|socketserver\..*Server|xmlrpc\.server\..*|wsgiref\..*|websockets\.(?:.*\.)?serve"
     r"|(?:.*\.)?(?:run_http_async|run_sse_async|http_app|sse_app|streamable_http_app)|(?:.*socket.*|.*sock)\.(?:bind|listen)"
@@ -315,7 +313,7 @@ def literal(source: Source, node: ast.expr | None) -> ast.List | ast.Tuple | Non
 # as its timeout allows; one with it runs on the loop, and while it sleeps or waits for a program no client gets an
 # answer.
 
-_BLOCKING = re.compile(
+_BLOCKING = regex(
     r"time\.sleep|subprocess\.(?:run|call|check_call|check_output|getoutput|getstatusoutput)|select\.(?:select|poll)"
     r"|os\.(?:system|popen|wait|wait3|wait4|waitpid)|socket\.create_connection|input|signal\.(?:pause|sigwait)"
     r"|urllib\.request\.urlopen|(?:requests|httpx)\.(?:get|head|post|put|patch|delete|request)"

@@ -2,7 +2,6 @@
 
 import ast
 import itertools
-import re
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
@@ -15,6 +14,7 @@ from octoform.contracts.rules.serve.write_rules import only_reads
 from octoform.contracts.server_code.computed_values import Failed, Key, Spent, Unsure, World
 from octoform.contracts.server_code.server_evaluator import Evaluator, ways
 from octoform.contracts.server_code.server_source import Function, Source
+from octoform.patterns import regex
 
 _BUDGET, _MAX_WAYS, _MAX_CALLS, _MAX_PARTS = 400_000, 24, 12, 2000
 
@@ -223,7 +223,7 @@ def with_unit(value: Any, name: str, unit: str | None) -> list[tuple[float, str 
     ]
 
 
-_MAXIMUM = re.compile(r"\bmax_brightness\b\W{1,3}(\d{1,9})\b")
+_MAXIMUM = regex(r"\bmax_brightness\b\W{1,3}(\d{1,9})\b")
 
 
 def is_level(key: Key) -> bool:

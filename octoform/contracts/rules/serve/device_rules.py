@@ -5,7 +5,6 @@ hear each other's answers; a camera kept open shows yesterday's picture. All thr
 """
 
 import ast
-import re
 from collections.abc import Iterable, Iterator
 from functools import lru_cache
 
@@ -13,6 +12,7 @@ from octoform.base.escaping import display
 from octoform.contracts.model import Artifacts, Rule
 from octoform.contracts.server_code.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 # Constructors and functions of device libraries, by the last part of their name.
 _OPENERS = frozenset(
@@ -37,7 +37,7 @@ _FILE_OPENERS = frozenset({"open", "io.open", "os.open"})
 _FILE_METHODS = frozenset({"open", "read_text", "read_bytes", "write_text", "write_bytes"})
 # Finding a device reads the system, and fails the whole import when the device is away.
 _RUNTIME_READS = frozenset(f"runtime.{name}" for name in ("device", "files", "read_text", "read_bytes", "read_number"))
-_PROGRAMS = re.compile(r"subprocess\.(?:run|Popen|call|check_call|check_output)")
+_PROGRAMS = regex(r"subprocess\.(?:run|Popen|call|check_call|check_output)")
 _CONTAINERS = frozenset({"append", "add", "setdefault", "insert", "put", "push", "appendleft", "update"})
 _CACHES = frozenset({"functools.cache", "functools.lru_cache", "functools.cached_property", "cache", "lru_cache"})
 

@@ -14,6 +14,7 @@ from octoform.contracts.rules.serve.device_rules import lock_regions
 from octoform.contracts.rules.serve.tool_rules import tool_functions, tool_sites
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic, as_warning
+from octoform.patterns import regex
 
 # How many pictures a generated server takes of a camera that it has opened, up to the one that it keeps.
 
@@ -111,10 +112,8 @@ _ASKS = frozenset({"write", "writelines", "sendall", "send", "send_feature_repor
 _HEARS = frozenset({"read", "readline", "readlines", "read_until", "readexactly", "read_all", "readinto", "recv"})
 _SETTLED = 3
 """The first picture that may count: one that is thrown away is no flush."""
-_UNPACKED = re.compile(
-    r"(?:bytes|bytearray)\.fromhex|binascii\.(?:unhexlify|a2b_\w+)|base64\.\w*decode\w*|codecs\.decode"
-)
-_SPEED = re.compile(r"\b(\d{3,7})[ -]?(?:baud|bd|bit/s|bps)\b", re.IGNORECASE)
+_UNPACKED = regex(r"(?:bytes|bytearray)\.fromhex|binascii\.(?:unhexlify|a2b_\w+)|base64\.\w*decode\w*|codecs\.decode")
+_SPEED = regex(r"\b(\d{3,7})[ -]?(?:baud|bd|bit/s|bps)\b", re.IGNORECASE)
 
 
 def exchange_split(value: str, _: Artifacts) -> list[Diagnostic]:

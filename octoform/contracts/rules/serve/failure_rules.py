@@ -23,10 +23,11 @@ from octoform.contracts.server_code.origins import ADDS, Origin
 from octoform.contracts.server_code.server_evaluator import ways
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 CODE = "SERVE-DEFAULT-READING"
 _BUDGET, _MAX_WAYS, _MAX_ACCESSES = 60_000, 16, 6
-_ABSENCE = re.compile(r"(?i)fail|error|absent|unknown|unavail|missing|none|not|time.?out|offline|lost|gone|silent| ")
+_ABSENCE = regex(r"(?i)fail|error|absent|unknown|unavail|missing|none|not|time.?out|offline|lost|gone|silent| ")
 """Words by which a result reports that a reading is not there."""
 
 
@@ -49,7 +50,7 @@ def nothing_instead(value: str, artifacts: Artifacts) -> list[Diagnostic]:
     return list(out.values())
 
 
-_FAILED = re.compile(r"(?i)(?:^|_)(?:unread\w*|fail\w*|errors?|missing|unavailable|skipped|silent|absent|dead)(?:$|_)")
+_FAILED = regex(r"(?i)(?:^|_)(?:unread\w*|fail\w*|errors?|missing|unavailable|skipped|silent|absent|dead)(?:$|_)")
 """Members of a result that list what gave no reading."""
 
 

@@ -16,18 +16,19 @@ from octoform.contracts.rules.raw_line_rules import cure, unknown_lines
 from octoform.contracts.rules.serve.tool_rules import ToolSite, served_tools, tool_functions, tool_sites
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 CODE = "SERVE-LINE-WRITTEN"
-_SENDS = re.compile(r"write|writelines|send|sendall|sendto|query|ask|request|print|xfer[23]?|writebytes2?|query_\w+")
+_SENDS = regex(r"write|writelines|send|sendall|sendto|query|ask|request|print|xfer[23]?|writebytes2?|query_\w+")
 """Methods that send what they are given: a constant question may go through them."""
-_SETS = re.compile(
+_SETS = regex(
     r"\w*[wW]rite\w*|set(?:[A-Z_]\w*)?|(?:en|dis)able\w*|torque\w*|\w+_torque|goal\w*|goto\w*|go_?to\w*|go_home|move\w*"
     r"|home|homing|jog\w*|rotate\w*|turn_?\w*|drive\w*|send_\w+|transmit\w*|tx\w+|pose|release\w*|relax\w*|calibrate\w*"
     r"|configure\w*|actuate\w*|step_?(?:to|by)?|action|reboot\w*|factory_?reset\w*|reset|i2c_rdwr|ioctl|ctrl_transfer|transfer"
     r"|exchange|command|execute|apply\w*|sendBreak|send_break|tcsendbreak|(?:grip|open_grip|close_grip)\w*"
 )
 """Methods of libraries that set or move something, whatever they are given."""
-_PORT_ITSELF = re.compile(
+_PORT_ITSELF = regex(
     r"set_?(?:baud_?rate|timeout|blocking|packet_?timeout\w*|default|low_latency\w*|exclusive)|setdefault|set",
     re.IGNORECASE,
 )
@@ -48,10 +49,8 @@ _LISTENING = frozenset(
     | {"fastmcp", "pydantic", "mcp", "runtime", "operator", "functools", "__future__", "logging", "zoneinfo"}
 )
 """Modules by which nothing but a node that is opened to be read is reached."""
-_OS = re.compile(
-    r"os\.(?:open|read|readv|close|isatty|fstat|set_blocking|O_\w+|path(?:\.\w+)?|fdopen|strerror|SEEK_\w+)"
-)
-_RUNTIME = re.compile(
+_OS = regex(r"os\.(?:open|read|readv|close|isatty|fstat|set_blocking|O_\w+|path(?:\.\w+)?|fdopen|strerror|SEEK_\w+)")
+_RUNTIME = regex(
     r"runtime\.(?:device|bus|logged|files|read_\w+|free_bytes|nmea(?:\.\w+)?|quantities(?:\.\w+)?|[A-Z]\w*)(?:\(\)\S*)?"
 )
 _FINDING = frozenset({"serial", "usb", "hid", "smbus", "smbus2", "spidev", "pyvisa", "libusb1", "usb1", "periphery"})

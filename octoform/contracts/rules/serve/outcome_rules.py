@@ -6,7 +6,6 @@ Its outcome is computed on made-up attributes (`server_evaluator`), and one exam
 
 import ast
 import itertools
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -20,6 +19,7 @@ from octoform.contracts.rules.serve.value_rules import numbers_read
 from octoform.contracts.server_code.computed_values import Spent, Unsure, World
 from octoform.contracts.server_code.server_source import Function, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 OTHERWISE, CUT = "SERVE-SETS-OTHERWISE", "SERVE-ARGUMENT-CUT"
 _SHARES = (0.05, 0.2, 0.35, 0.5, 0.65, 0.8, 0.95)
@@ -248,7 +248,7 @@ def program_given_less(value: str, artifacts: Artifacts) -> list[Diagnostic]:
 _FEW = 3
 """From how many equal numbers on, at either end of the range, an argument counts as capped."""
 _Given = tuple[ast.Call, bool, list[tuple[float, float]]]
-_PERCENTAGE, _PLAIN_NUMBER = re.compile(r"(\d+(?:\.\d+)?)%"), re.compile(r"(?:[\w.]+=)?(\d+(?:\.\d+)?)%?")
+_PERCENTAGE, _PLAIN_NUMBER = regex(r"(\d+(?:\.\d+)?)%"), regex(r"(?:[\w.]+=)?(\d+(?:\.\d+)?)%?")
 
 
 def _unit_of(tool: JsonObject, name: str, member: Any) -> str | None:

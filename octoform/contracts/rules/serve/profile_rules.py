@@ -6,7 +6,6 @@ moves is none. The profile has all of it as data, so the code is held against th
 
 import ast
 import contextlib
-import re
 from collections.abc import Iterator, Mapping
 from typing import Any
 
@@ -22,6 +21,7 @@ from octoform.contracts.server_code.sending_evaluator import SendingEvaluator, S
 from octoform.contracts.server_code.server_evaluator import ways
 from octoform.contracts.server_code.server_source import Function, Source, needed_source
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 CODE = "SERVE-PROFILE-CONTRADICTED"
 _BUDGET, _MAX_WAYS = 60_000, 6
@@ -29,7 +29,7 @@ _TRIED = (7, -13, 1)
 _OPENS = frozenset({"Serial", "serial_for_url", "open_serial_connection", "create_serial_connection"})
 _MOVES = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
 _RAW = {"read1ByteTxRx", "read2ByteTxRx", "write1ByteTxRx", "write2ByteTxRx", "write1ByteTxOnly", "write2ByteTxOnly"}
-_NUMBER = re.compile(r"([+-]?\d+(?:\.\d+)?)")
+_NUMBER = regex(r"([+-]?\d+(?:\.\d+)?)")
 Found = Iterator[tuple[ast.AST, str]]
 Grammar = Mapping[str, Any]
 _ALL_UNITS = {254.0}

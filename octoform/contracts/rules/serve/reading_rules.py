@@ -6,7 +6,6 @@ well.
 """
 
 import ast
-import re
 from collections.abc import Iterator
 from functools import lru_cache
 
@@ -18,14 +17,15 @@ from octoform.contracts.server_code.origins import Origin
 from octoform.contracts.server_code.places import constants, literal_places
 from octoform.contracts.server_code.server_source import Function, Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
-_ELSEWHERE = re.compile(
+_ELSEWHERE = regex(
     r"subprocess\.\w+|asyncio\.create_subprocess_exec|asyncio\.open_connection|socket\.(?:socket|create_connection)"
     r"|urllib\.request\.\w+|http\.client\.\w+|(?:requests|httpx|aiohttp)\..+"
     r"|runtime\.(?:channels|counting|evdev|gpio|lines|movement|nmea|registers|units|v4l2|child)\.\w+"
 )
 """Ways to reach a device: programs, the network, modules of the runtime that are given it."""
-_OF_TIME = re.compile(r"(?:^|_)(?:time|at|seconds|timestamp)(?:$|_)")
+_OF_TIME = regex(r"(?:^|_)(?:time|at|seconds|timestamp)(?:$|_)")
 _CHANGES_TEXT = frozenset(
     {
         "replace",

@@ -27,6 +27,7 @@ from octoform.contracts.server_code.chosen_values import declared_numbers
 from octoform.contracts.server_code.computed_values import Key, Spent, Unsure
 from octoform.contracts.server_code.server_source import Source, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 COARSE, OTHERWISE = "SERVE-READING-COARSE", "SERVE-READING-OTHERWISE"
 _TOLERANCE = 0.02
@@ -129,9 +130,9 @@ _REVOLUTIONS, _IN_ITS_RANGE = 100, 5
 """How many revolutions are tried for one of another unit, and how many numbers are left of what is cut off."""
 _OF_FAHRENHEIT = 5 / 9
 _SENSES = {"removable": ("removable",), "rotational": ("rotational",), "ro": ("read_only", "readonly", "ro")}
-_MOST = re.compile(r"(?:.*_)?max(?:imum)?(?:_.*)?")
+_MOST = regex(r"(?:.*_)?max(?:imum)?(?:_.*)?")
 _MAX_DEVICES = 3
-_CHANNEL = re.compile(r"\b(?:temp|in|fan|curr|power|humidity)\d+(?=\b|_)")
+_CHANNEL = regex(r"\b(?:temp|in|fan|curr|power|humidity)\d+(?=\b|_)")
 
 
 def read_otherwise(value: str, artifacts: Artifacts) -> list[Diagnostic]:

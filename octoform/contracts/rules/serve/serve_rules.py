@@ -1,7 +1,6 @@
 """The whole SERVE contract over one source text: it compiles, and then every rule of each family."""
 
 import ast
-import re
 from collections.abc import Iterator
 from dataclasses import replace
 from functools import lru_cache
@@ -35,6 +34,7 @@ from octoform.contracts.server_code.origins import Origin, last
 from octoform.contracts.server_code.places import constants
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, read_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 # A reading of the wrong one of two equal devices misleads; a movement of the wrong one hurts.
 CODE = "SERVE-ACTUATE-UNBOUND"
@@ -90,7 +90,7 @@ _ASKED_FOR = frozenset(
 """Words of members that tell what was asked for, and not what the device has."""
 _CHOOSES = frozenset({"line", "chip", "pin", "port", "channel", "index", "unit", "joint", "motor", "slot", "number"})
 """Words of arguments that choose a part of a device."""
-_PROMISED = re.compile(
+_PROMISED = regex(
     r"(?i)\bread(?:s|ing)?[\w ]{0,20} back\b|\bread-?back\b|\bthat the \w+ (?:now )?(?:reports?|has)\b|\bas reported\b"
     r"|\bactual(?:ly)?\b"
 )
@@ -102,8 +102,8 @@ _OPPOSITE = frozenset(
     | {"attenuation", "reduction", "remaining", "left", "transparency", "shade", "opposite", "duty", "below"}
 )
 """Words of an argument that is large where what it sets is small."""
-_GOALS = re.compile(r"(?i)target|goal|setpoint|request|demand|command|limit|threshold|max|min|crit|alarm|trip")
-_MEASURED = re.compile(r"actual_\w+|\w+_(?:input|average)")
+_GOALS = regex(r"(?i)target|goal|setpoint|request|demand|command|limit|threshold|max|min|crit|alarm|trip")
+_MEASURED = regex(r"actual_\w+|\w+_(?:input|average)")
 """Attributes in which the kernel shows what it measured, and in which nothing can be set."""
 _COMMON = frozenset({"raw", "input", "value", "state", "max", "min", "enable", "power", "mode", "cur", "percent", "in"})
 
@@ -445,7 +445,7 @@ def _belongs(written: str, read: set[str], words: str) -> bool:
     if _MEASURED.fullmatch(written):
         return False
     if _GOALS.search(written):
-        return bool(_GOALS.search(words)) or not re.search(r"max|min", written)
+        return bool(_GOALS.search(words)) or not ("max" in written or "min" in written)
     own = {word for word in tokens(written) if not word.isdigit()} - _COMMON
     return any(own & set(tokens(name)) for name in read)
 

@@ -5,7 +5,6 @@ not there. The gate is before tools alone, so whatever else a server could offer
 """
 
 import ast
-import re
 from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 
@@ -23,6 +22,7 @@ from octoform.contracts.server_code.server_source import (
     walk,
 )
 from octoform.diagnostics import Diagnostic, Span, as_warning, error
+from octoform.patterns import regex
 from octoform.records import dataclass
 
 MAX_PROBLEM = 500
@@ -249,7 +249,7 @@ def passed_on(source: Source, use: ast.Name) -> tuple[Function, list[str]] | Non
     return (inner, passed) if inner is not None and passed else None
 
 
-WISHED = re.compile(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
+WISHED = regex(r"(?i)wish|prefer|nearest|closest|if possible|where possible|hint|at best")
 
 
 def binds(tool: JsonObject, name: str, loaded: set[str]) -> bool:

@@ -4,7 +4,6 @@ A number that the file's author made up looks like a reading to anyone who recei
 """
 
 import ast
-import re
 from collections.abc import Iterator
 from functools import lru_cache
 from typing import Any
@@ -20,20 +19,21 @@ from octoform.contracts.server_code.kept_values import Kept
 from octoform.contracts.server_code.origins import Origin, last
 from octoform.contracts.server_code.server_source import Source, children, needed_source, walk
 from octoform.diagnostics import Diagnostic
+from octoform.patterns import regex
 
 _AGAIN = "read it in each call; where the device can be asked only so often, let the caller wait or be refused"
 _OPTIONAL = ("offset", "scale", "count", "errors", "errno", "retries", "index", "timeout", "multiplier")
-_STATIC = re.compile(
+_STATIC = regex(
     r"(?:^|_)(?:max|maximum|min|minimum|limit|limits|range|width|height|resolution|fps|rate|baud|version|index|channel"
     r"|channels|id|number|count|samples|bits|depth|scale|step|steps|precision|accuracy|interval|timeout|size|format"
     r"|port|address|capacity|rated|nominal|full|length|total|failed|errors|retries|attempts|threshold|critical)(?:$|_)"
 )
 """Members that may be known beforehand, or are no readings."""
-_DRAWN = re.compile(
+_DRAWN = regex(
     r"(?:.*\.)?random\.(?:random|uniform|gauss|normal\w*|randint|randrange|triangular|randn?|\w*variate)"
     r"|secrets\.rand(?:below|bits)|(?:.*\.)?(?:default_rng|RandomState|SystemRandom|Random)\(\)\.\w+"
 )
-_BLANK = re.compile(r"(?:numpy|np)\.(?:zeros|ones|full|empty)(?:_like)?|(?:PIL\.)?Image\.new")
+_BLANK = regex(r"(?:numpy|np)\.(?:zeros|ones|full|empty)(?:_like)?|(?:PIL\.)?Image\.new")
 """A picture of one colour."""
 _SUBSTITUTING = (ast.Try, ast.With, ast.BoolOp, ast.IfExp, ast.If, ast.match_case, ast.Call)
 _BROAD = frozenset({"Exception", "BaseException", "OSError", "IOError", "DeviceFault", "DeviceAbsent", "BusBusy"})

@@ -21,34 +21,35 @@ from octoform.contracts.server_code.origins import PLACES, PURE, Origin, base, l
 from octoform.contracts.server_code.places import folded
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, walk
 from octoform.diagnostics import Diagnostic, as_warning
+from octoform.patterns import regex
 
 CODE, ACTS = "SERVE-READ-WRITES", "SERVE-READ-ACTS"
 SETS_NOTHING, LATER, HIDDEN = "SERVE-SETS-NOTHING", "SERVE-ACTS-LATER", "SERVE-FAILURE-HIDDEN"
 UNUSED = "SERVE-ARGUMENT-UNUSED"
 _MOVING = frozenset({"move", "move_percent", "move_many", "pose", "torque"})
 """Methods of ``runtime.units.Units`` that move a unit or switch its torque."""
-_ALWAYS_WRITES = re.compile(
+_ALWAYS_WRITES = regex(
     r"os\.(?:remove|unlink|rmdir|removedirs|rename|renames|replace|mkdir|makedirs|chmod|chown|truncate|symlink|link"
     r"|mknod|mkfifo|setxattr|utime)|shutil\.(?:rmtree|move|copy|copy2|copyfile|copytree|chown)"
     r"|runtime\.gpio\.(?:drive|hold)|runtime\.evdev\.(?:rumble|beep)|runtime\.v4l2\.set_control"
     r"|runtime\.movement\.(?:carried_out|energised|planned)|runtime\.units\..*\.(?:move|move_percent|move_many|pose|torque)"
     r"|cv2\.imwrite|(?:numpy|np)\.save(?:txt|z\w*)?|logging\.(?:.+\.)?\w*FileHandler"
 )
-_PROGRAMS = re.compile(
+_PROGRAMS = regex(
     r"(?:.*/)?(?:tee|dd|cp|mv|rm|rmdir|mkdir|touch|chmod|chown|ln|truncate|mkfs(?:\..*)?|i2cset|gpioset|setserial|install"
     r"|setpci|hdparm|wipefs|parted|fdisk|eject|reboot|shutdown|poweroff|rfkill|modprobe|rmmod|insmod|usbreset)"
 )
 """Programs that are there to change something (the manual pages' first lines)."""
-_WRAPPERS = re.compile(r"(?:.*/)?(?:busybox|toybox|timeout|nice|ionice|stdbuf|setsid|nohup|chrt|taskset|time|flock)")
+_WRAPPERS = regex(r"(?:.*/)?(?:busybox|toybox|timeout|nice|ionice|stdbuf|setsid|nohup|chrt|taskset|time|flock)")
 """Programs that start the one that is named after them."""
 _OPENS = frozenset({"open", "io.open", "os.fdopen", "io.FileIO", "codecs.open", "gzip.open", "bz2.open", "lzma.open"})
 _OPENED_TO_WRITE = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_APPEND
 _SCRATCH = ("tempfile.", "io.BytesIO", "io.StringIO")
-_SETS = re.compile(
+_SETS = regex(
     r"-{0,2}(?:set|sset|cset|write|enable|disable|reset|erase|update|flash)(?!-fmt|-parm|-sel)(?:-\w+)*(?:=.*)?"
 )
 _SAYS = frozenset({"write", "writelines", "send", "sendall", "sendto", "query", "ask", "command", "send_command"})
-_ORDER = re.compile(
+_ORDER = regex(
     r"\W*(?:SET|MOVE|GOTO|TORQUE|JOG|HOME|WRITE|ENABLE|DISABLE|ROTATE|OPEN|CLOSE|ERASE|G0*[0123]|G28|M17|M3)(?:[\W_\d]|$)",
     re.IGNORECASE,
 )
@@ -71,14 +72,12 @@ _MOVED = frozenset(
     }
     | {"joint", "joints", "servo", "servos", "motor", "motors", "coil", "coils", "gripper", "setpoint", "pos", "ex"}
 )
-_WRITTEN = re.compile(
-    r"write\d?(?:1|2|4)?Byte\w*|Write(?:Pos|Spec|Timer|Dir)\w*|(?:sync|reg|bulk)_?[wW]rite\w*|unlockEprom"
-)
+_WRITTEN = regex(r"write\d?(?:1|2|4)?Byte\w*|Write(?:Pos|Spec|Timer|Dir)\w*|(?:sync|reg|bulk)_?[wW]rite\w*|unlockEprom")
 """Methods that write registers, as the libraries of servo buses call them."""
 _WRITING_METHODS = frozenset(
     {"write_text", "write_bytes", "unlink", "rmdir", "touch", "mkdir", "chmod", "symlink_to", "hardlink_to"}
 )
-_READING = re.compile(
+_READING = regex(
     r"runtime\.(?:device|bus|files|sysroot|sentence|logged|read_\w+|channels\..+|evdev\.(?:axis|events)"
     r"|v4l2\.(?:is_node|formats))|os\.(?:listdir|scandir|stat|access|path\..+)|glob\.\w+"
 )
