@@ -4,7 +4,6 @@ An environment is bound to its path, so it is built in place: a marker is writte
 a build that was cut off and is made again. Only the lock's hashes are installed.
 """
 
-import filecmp
 import json
 import os
 import shutil
@@ -144,17 +143,16 @@ def _give_times(sources: Path, cache: Path) -> None:
     Where the package tool's cache lies on another file system, it copies all files, each with a time of its own; else
     they are links, which have one time.
     """
-    for path in cache.iterdir():
-        name = f"{path.name.partition('.')[0]}.py"
-        source, copy = sources / name, cache.parent / name
-        if not source.is_file() or not copy.is_file():
-            continue
-        wanted, present = source.stat(), copy.stat()
-        if present.st_nlink > 1:
-            return
-        differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_size == wanted.st_size
-        if differs and filecmp.cmp(source, copy, shallow=False):
-            os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
+    folder = cache.parent
+    for name in {f"{path.name.partition('.')[0]}.py" for path in cache.iterdir()}:
+        source, copy = sources / name, folder / name
+        with suppress(FileNotFoundError):
+            wanted, present = source.stat(), copy.stat()
+            if present.st_nlink > 1:
+                return
+            differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_size == wanted.st_size
+            if differs and source.read_bytes() == copy.read_bytes():
+                os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
 
 
 def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:

@@ -6,7 +6,6 @@ A price that no one knows stays unknown: a run is never reported as free because
 from collections.abc import Mapping
 from datetime import date
 from functools import cache
-from importlib.metadata import PackageNotFoundError, version
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -88,6 +87,8 @@ def _price(entry: Mapping[str, Any]) -> Price | None:
 @cache
 def _table() -> Mapping[str, Any]:
     """The price table as a file: importing the package itself would cost seconds."""
+    from importlib.metadata import PackageNotFoundError, version  # heavy: it brings the library's `email`
+
     try:
         version("litellm")
     except PackageNotFoundError:
