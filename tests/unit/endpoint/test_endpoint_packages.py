@@ -3,6 +3,7 @@
 import json
 import os
 import shutil
+from importlib.util import cache_from_source
 from pathlib import Path
 from threading import Thread
 
@@ -12,7 +13,7 @@ from unit.endpoint.endpoint_servers import Wheelhouse
 from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic
 from octoform.endpoint.bounded_program import Finished, ForkServer, run
 from octoform.endpoint.environment import lockfile
-from octoform.endpoint.environment.build import GUESS, await_bytecode, build, prepare, prewarmed, prune
+from octoform.endpoint.environment.build import GUESS, IMPORTED_LAST, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import OFFLINE, network_hint, normalise, resolve
 from octoform.endpoint.environment.model import (
     MARKER,
@@ -301,6 +302,10 @@ def test_prewarming_leaves_bytecode_for_every_server(layout: Layout) -> None:
     assert prepare(layout, GUESS)
     (environment,) = layout.environments.glob("[0-9a-f]*")
     assert list(environment.glob("lib/python*/site-packages/fastmcp/server/__pycache__/server.*.pyc"))
+    # These are compiled by another process, which compiles all of each: none has left FastMCP's needs.
+    for folder in (packages_of(environment) / name for name in IMPORTED_LAST):
+        sources = list(folder.rglob("*.py"))
+        assert sources and all(Path(cache_from_source(path)).is_file() for path in sources)
 
 
 def test_who_would_compile_the_same_waits_for_it(
