@@ -52,10 +52,17 @@ from octoform.patterns import regex
 
 _MISSING = "The name that it goes by shows only how it is wired; what is this device, by maker and model?"
 _ASKED = "Its own strings could not be taken unchanged; what is this device, by maker and model?"
+_MUTE = "It shows a line for bytes and no word of its own; what is this device, by maker and model?"
 _UNTOLD = "none of its own strings could be taken unchanged"
 _ACTING = (SENSOR, ACTUATOR, BIDIRECTIONAL)
 _MEASURING = frozenset(("video4linux", "hwmon", "thermal", "iio", "power_supply"))
 _SHINING = frozenset(("leds", "backlight"))
+_PIPES = frozenset(("tty", "hid", "hidraw", "hiddev", "usb", "usb_device", "usbmisc"))
+"""Classes of the kernel whose nodes carry bytes and no meaning."""
+_MEANT = ("01", "06", "07", "08", "0b", "0e", "0f", "ef/05", "e0", "fe", "03/01/01", "03/01/02")
+"""USB class codes that show what an interface is for (usb.org, "Defined Class Codes"); of HID the keyboard's and the
+mouse's."""
+_MODEM_MANAGER = "udev.ID_MM_"
 _USB_VIDEO = "0e"  # USB class code of video devices, usb.org "Defined Class Codes"
 _WIRES = frozenset(
     (
@@ -84,9 +91,26 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
     name, makers = annotation["identified_as"], [line.strip() for line in _MAKER_LINE.findall(device.raw)]
     # A maker's own words may hide that all behind them is wiring.
     bare = next((name[len(maker) :] for maker in makers if maker and name.startswith(maker)), name)
-    if annotation["category"] not in _ACTING or not any(names_wires(text, device.raw) for text in (name, bare)):
+    if annotation["category"] not in _ACTING:
         return annotation
-    return unknown(annotation, _MISSING)
+    if any(names_wires(text, device.raw) for text in (name, bare)):
+        return unknown(annotation, _MISSING)
+    return unknown(annotation, _MUTE) if not product_names.model_words(name) and _is_mute(device) else annotation
+
+
+def _is_mute(device: Device) -> bool:
+    """True for a USB device of which nothing shows but a pipe: no string, usage or rule of the system states anything.
+
+    What a vendor's own interfaces are arranged like, or a driver is called after, is no statement either.
+    """
+    strings = (device.product_text, *(text for text, _ in device.names("hid", "name")), device.text("name", "model"))
+    usages = [usage for fact in device.of("hid", "usages") for usage in fact.text.split(",")]
+    marked = any(
+        fact.key.startswith("udev.") and fact.text == "1" and not fact.key.startswith(_MODEM_MANAGER)
+        for fact in device.facts
+    )
+    silent = all(map(product_names.says_nothing, strings)) and all(usage.startswith("ff") for usage in usages)
+    return device.bus == "usb" and device.classes <= _PIPES and silent and not marked and not device.usb(*_MEANT)
 
 
 def categorised(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
@@ -334,9 +358,16 @@ def _composed(device: Device, claims: list[Claim], named: Identity) -> tuple[Ide
 
 
 def _evidence(cited: Iterable[Evidence]) -> list[dict[str, str]]:
+    """Each quote once, with all that follows from it: of a product string its name, and the kind by a word in it."""
     seen: dict[str, Evidence] = {}
     for evidence in cited:
-        seen.setdefault(evidence.quote, evidence)
+        known = seen.get(evidence.quote)
+        if known and evidence.says not in known.says:
+            extends = evidence.says.startswith(known.says)
+            says = evidence.says if extends else f"{known.says}; {evidence.says}"
+            seen[evidence.quote] = Evidence(evidence.quote, says)
+        elif not known:
+            seen[evidence.quote] = evidence
     return [evidence.as_json() for evidence in list(seen.values())[:MAX_EVIDENCE]]
 
 

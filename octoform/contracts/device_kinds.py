@@ -135,6 +135,9 @@ CLASSES: dict[str, tuple[str, ...]] = {
     ),
 }
 """Words for a class alone: part of many a name, where they promise nothing, and as the class of a device a claim."""
+SAME_KIND = {"imager": "camera", "imaging": "camera", "webcam": "camera", "cam": "camera", "scan": "scanner"}
+SAME_KIND |= {"lte": "modem", "wwan": "modem", "gps": "gnss", "glonass": "gnss", "gnss": "gps"}
+"""Words of a device's own strings that say a kind of thing in another word."""
 INPUTS = ("mouse", "keyboard", "touchpad", "touchscreen")
 INPUT_KINDS = regex(r"(?m)^input\[\d+\]\.kinds: ")
 """Where PROBE records which kinds of input a device sends, no other follows from its class."""

@@ -67,7 +67,7 @@ def claim_hid(device: Device) -> Claim | None:
         pages = [usage.partition("/")[0] for usage in fact.text.split(",")]
         for page, entry in _FUNCTIONS.items():
             if page in pages and not (typed and page == _LAMPS) and not (page == _SENSORS and "iio" in device.classes):
-                return Claim(*entry, evidence=(Evidence(fact.line, "HID usage page of that function"),))
+                return Claim(*entry, evidence=(Evidence(fact.line, f"HID usage page of that function ({entry[2]})"),))
     return None
 
 

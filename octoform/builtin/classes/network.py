@@ -184,8 +184,13 @@ def _names_a_product(device: Device) -> bool:
 
 
 def _is_registered(device: Device) -> bool:
-    """True when the numbers of a device without strings were given to a product, and not to a chip or its wire."""
+    """True when the numbers of a device without strings were given to a product, and not to a chip or its wire.
+
+    A product with a class of its own on USB is not behind this line: its number serves for something else here.
+    """
     found = device.database.product
+    if words.has_own_class(found):
+        return False
     return product_names.names_a_product(found) and product_names.adds_to(device.database.vendor, found)
 
 

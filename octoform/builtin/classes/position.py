@@ -41,7 +41,7 @@ def claim(device: Device) -> Claim | None:
 
 
 def _names_position(device: Device) -> bool:
-    spoken = product_names.words(device.strings)
+    spoken = product_names.words(device.product_text)
     serial = device.bus == "usb" and device.usb(_CDC_SERIAL) and "tty" in device.classes
     return bool(serial) and not _WORDS.isdisjoint(spoken) and _NETWORK.isdisjoint(device.classes)
 

@@ -14,7 +14,8 @@ from octoform.patterns import regex
 
 # A model number often begins with the kind (a DSO2000 is a DSO), and strings run number and kind together.
 _STEM = regex(r"^[a-z]{3,}(?=\d)|(?<=\d)[a-z]{5,}$")
-# (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins.
+# (words, kind, category, noun); a phrase needs its words side by side. The first line that fits wins. A noun has words
+# of class alone, because it may be the whole name of a device: no string of its own has any other word of it.
 Entry = tuple[tuple[str, ...], str, str, str]
 _WORDS: tuple[Entry, ...] = (
     (("fingerprint", "finger print", "biometric", "biometrics", "swipe sensor"), "fingerprint",
@@ -31,8 +32,8 @@ _WORDS: tuple[Entry, ...] = (
       "lcr meter", "watt meter", "power analyzer"), "meter", SENSOR, "measuring instrument"),
     (("signal generator", "function generator", "waveform generator"), "generator", ACTUATOR, "signal generator"),
     (("power supply", "electronic load", "source meter", "sourcemeter", "smu"), "power_source", BIDIRECTIONAL,
-     "laboratory power supply"),
-    (("daq", "data acquisition"), "daq", BIDIRECTIONAL, "data acquisition device"),
+     "bench power supply"),
+    (("daq", "data acquisition"), "daq", BIDIRECTIONAL, "measurement and control device"),
     (("gpib", "ieee 488", "hpib"), "instrument", BIDIRECTIONAL, "instrument bus interface"),
     (("colorimeter", "spectrophotometer", "spectrometer"), "color", SENSOR, "colour meter"),
     (("thermometer", "hygrometer", "humidity", "barometer", "temperature", "temp", "weather station", "co2",
@@ -42,7 +43,7 @@ _WORDS: tuple[Entry, ...] = (
       "glucometer",
       "blood pressure"), "biosensor", SENSOR, "biosensor"),
     (("lidar", "rangefinder", "range finder", "radar", "time of flight"), "range", SENSOR, "range sensor"),
-    (("eye tracker", "eyetracker", "motion tracker", "head tracker"), "tracker", SENSOR, "tracker"),
+    (("eye tracker", "eyetracker", "motion tracker", "head tracker"), "tracker", SENSOR, "position sensor"),
     (("gnss", "gps", "glonass", "rtk"), "gnss", SENSOR, "satellite positioning receiver"),
     (("zigbee", "z-wave", "zwave", "802.15.4", "matter thread"), "zigbee", BIDIRECTIONAL, "home radio stick"),
     (("lora", "lorawan"), "radio", BIDIRECTIONAL, "radio"),
@@ -53,20 +54,20 @@ _WORDS: tuple[Entry, ...] = (
     (("ethernet", "lan", "nic"), "network", INFRASTRUCTURE, "network adapter"),
     (("infrared", "ircu", "remote control receiver"), "ir", BIDIRECTIONAL, "infrared transceiver"),
     (("radio", "transceiver"), "radio", BIDIRECTIONAL, "radio"),
-    (("dmx", "dmx512", "ilda", "laser dac"), "light", ACTUATOR, "stage light interface"),
+    (("dmx", "dmx512", "ilda", "laser dac"), "light", ACTUATOR, "light control interface"),
     (("led", "leds", "light", "lamp", "lighting", "glow", "blink", "busylight", "beacon", "strobe"), "light", ACTUATOR,
      "light"),
     (("dock", "docking"), "dock", INFRASTRUCTURE, "dock"),
     (("kvm", "remote console"), "kvm", INFRASTRUCTURE, "KVM switch"),
-    (("barcode", "bar code", "qr code"), "barcode", SENSOR, "barcode scanner"),
+    (("barcode", "bar code", "qr code"), "barcode", SENSOR, "barcode reader"),
     (("magstripe", "magnetic stripe", "swipe reader", "card swipe"), "card_reader", SENSOR, "magnetic stripe reader"),
     (("postal scale", "weighing scale", "weight scale", "scale"), "scale", SENSOR, "weighing scale"),
     (("braille",), "braille", BIDIRECTIONAL, "braille display"),
     (("scanner", "scan"), "scanner", SENSOR, "scanner"),
     (("3d printer", "cnc", "engraver", "plotter", "laser cutter", "vinyl cutter"), "machine", ACTUATOR,
-     "computer-controlled machine"),
+     "machine with computer control"),
     (("printer",), "printer", ACTUATOR, "printer"),
-    (("id card", "identity card"), "reader", SENSOR, "identity card reader"),
+    (("id card", "identity card"), "reader", SENSOR, "card reader"),
     (("card reader", "crw", "cardreader"), "storage", INFRASTRUCTURE, "card reader"),
     (("relay", "stepper", "servo", "motor controller", "motor driver", "gimbal", "gripper", "robot"), "actuator",
      ACTUATOR, "actuator"),
@@ -75,6 +76,8 @@ _WORDS: tuple[Entry, ...] = (
 )  # fmt: skip
 # Words with a second meaning: only where the device shows interfaces of its vendor and is nothing for a person's hand.
 _INSTRUMENTS: tuple[Entry, ...] = ((("logic",), "logic", SENSOR, "logic analyser"),)
+# No memory card is read through such a line; what is held to the reader sends its number.
+_HELD_CARDS = ("reader", SENSOR, "card reader")
 # What a thing is for, even when it also shows a disk with its manual or a network of its own.
 _DEFINING = tuple(entry for entry in _WORDS if entry[1] in ("scope", "logic", "analyzer", "meter", "generator", "sdr"))
 # A debugger on a board does not identify the board.
@@ -109,6 +112,9 @@ _PLAIN: tuple[Entry, ...] = (
     (("oled", "lcd", "epaper", "e paper", "projector", "customer display", "pole display", "usb display"), "display",
      ACTUATOR, "display"),
 )  # fmt: skip
+TABLES = (_WORDS, _INSTRUMENTS, _PROBES, _PLAIN)
+_CLASSED = frozenset(("storage", "camera", "capture", "hub", "keyboard", "mouse", "audio", "touchscreen"))
+"""Of the plain words those for which the USB-IF has a class."""
 _UDEV = (
     ("ID_SIGNAL_ANALYZER", "logic", SENSOR, "signal analyser"),
     ("ID_SOFTWARE_RADIO", "sdr", BIDIRECTIONAL, "software radio"),
@@ -124,10 +130,8 @@ def claim_instrument(device: Device) -> Claim | None:
     """An instrument, a radio or a debugger by its own product string, whatever else it shows (a disk, a network)."""
     if device.bus != "usb" or not device.product or device.usb(*_BOOT):
         return None
-    entry = kind_of(_own(device), _DEFINING)
-    says = Evidence(device.product.line, "the device's own words")
-    if entry:
-        return Claim(*entry, evidence=(says,))
+    if entry := kind_of(_own(device), _DEFINING):
+        return Claim(*entry, evidence=_cited(device.product.line, "the device's own words", entry))
     return None if product_names.describes_transport(device.product_text) else _debugger(device)
 
 
@@ -144,19 +148,21 @@ def claim(device: Device) -> Claim | None:
         wired = product_names.is_converter(text) or (
             product_names.describes_a_part(text) and product_names.describes_wires(text)
         )
+        if entry and entry[0] == "storage" and (device.usb(_HID) or "tty" in device.classes):
+            entry = _HELD_CARDS
         if entry and not (wired and entry[1] in (SENSOR, ACTUATOR)):
             # A number alone names nothing that senses or acts.
-            return Claim(*entry, evidence=(Evidence(line, says),), settled=line != device.database.line)
+            return Claim(*entry, evidence=_cited(line, says, entry), settled=line != device.database.line)
     maker = device.fact("manufacturer")
     if maker and (entry := kind_of(maker.text, _WORDS[:1])):
-        return Claim(*entry, evidence=(Evidence(maker.line, "what its maker makes"),), settled=False)
+        return Claim(*entry, evidence=_cited(maker.line, "what its maker makes", entry), settled=False)
     return None
 
 
 def _debugger(device: Device) -> Claim | None:
     for line, text, says in _spoken(device):
         if entry := kind_of(text, _PROBES):
-            return Claim(*entry, evidence=(Evidence(line, says),), settled=False)
+            return Claim(*entry, evidence=_cited(line, says, entry), settled=False)
     return None
 
 
@@ -166,18 +172,34 @@ def spoken_of(text: str) -> tuple[str, str, str] | None:
 
 
 def claim_plain(device: Device) -> Claim | None:
-    """The kind by the plain words of the strings, for a USB device that shows no class of its own."""
+    """The kind by the plain words of the strings, for a USB device that shows no class of its own.
+
+    A debugger without strings has its word in the registered name alone.
+    """
     if device.bus != "usb":
         return None
     for line, text, says in _spoken(device):
-        if entry := kind_of(text, _PLAIN):
-            return Claim(*entry, evidence=(Evidence(line, says),), settled=False)
+        if entry := kind_of(text, (*_PLAIN, *_PROBES)):
+            return Claim(*entry, evidence=_cited(line, says, entry), settled=False)
     return None
+
+
+def _cited(line: str, says: str, entry: tuple[str, str, str]) -> tuple[Evidence, ...]:
+    """The line that has the word, with what follows from it: of LTE, that it is a modem."""
+    kind, _, noun = entry
+    follows = noun if kind in noun else f"{noun}, class {kind}"
+    return (Evidence(line, f"{says} ({follows})"),)
 
 
 def names_own_kind(device: Device) -> bool:
     """True where the product string names a kind by a plain word, so that a registered name states no other."""
     return bool(device.product) and kind_of(_own(device), _PLAIN) is not None
+
+
+def has_own_class(text: str) -> bool:
+    """True where a name has a plain word for what USB has a class for, so that no serial line leads there."""
+    entry = kind_of(text, _PLAIN)
+    return entry is not None and entry[0] in _CLASSED
 
 
 def _own(device: Device) -> str:

@@ -96,7 +96,9 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
         confidence = _trust_in_strings(device, claim)
         return Identity(product_names.join(maker, product), confidence, "descriptor_strings", _strings(device))
     registered = _registered(device, claim)
-    if registered and (registered.confidence > CLASS_ONLY or _borne_out(device, claim)):
+    if registered and (
+        registered.confidence > CLASS_ONLY or _borne_out(device, claim) or _rests_on_number(device, claim)
+    ):
         return registered
     spoken = _kernel_name(claim)
     if spoken and spoken.confidence > CLASS_ONLY and not product:
@@ -108,7 +110,7 @@ def _of_usb(device: Device, claim: Claim) -> Identity:
         maker = entry.vendor
         evidence += (Evidence(entry.maker or entry.line, f"{entry.source}: {maker}"),) if maker else ()
     joined = product_names.join(maker, product)
-    if product and product_names.is_name(joined):
+    if product and product_names.is_name(joined) and not product_names.says_nothing(joined):
         return Identity(joined, CLASS_ONLY, "descriptor_strings", evidence)
     return registered or spoken or Identity(claim.noun, NOTHING, "kernel_class")
 
@@ -164,6 +166,17 @@ def _borne_out(device: Device, claim: Claim) -> bool:
     found, own = device.database.product, f"{device.strings} {claim.noun}"
     agrees = bool(found) and _maker_registered(device) and not product_names.speaks_of_another_kind(found, own)
     return agrees and claim.kind in _OWN_IDS
+
+
+def _rests_on_number(device: Device, claim: Claim) -> bool:
+    """True where the registered name is what shows the kind, and the device's own string shows nothing or its wire.
+
+    Such a device is called by what it was identified by: its own string would name something else.
+    """
+    cited = claim.evidence[0].quote if claim.evidence else ""
+    product = device.product_text
+    silent = product_names.says_nothing(product) or product_names.describes_transport(product)
+    return bool(cited) and cited == device.database.line and silent
 
 
 def _gives_its_vendor(device: Device, claim: Claim) -> bool:

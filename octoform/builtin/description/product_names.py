@@ -81,6 +81,12 @@ _PLACEHOLDER = """
     string usb usb2 usb3 device devices hid test my your composite
 """
 PLACEHOLDER = frozenset(_PLACEHOLDER.split())
+# A string of these words alone is no name: it could be any device's.
+_EMPTY = """
+    usb usb2 usb3 pci pcie hid i2c spi device devices unknown unidentified generic thing peripheral hardware component
+    composite vendor specific something some a an the of object item module unit interface
+"""
+EMPTY = frozenset(_EMPTY.split())
 # In the name of a maker: what it makes goes into other people's products.
 CHIP_MAKER = frozenset(("semiconductor", "semiconductors", "microelectronics", "semi", "silicon", "chips", "chipset"))
 # Kinds that exclude each other; a registered name that brings in another one speaks of another product.
@@ -283,6 +289,11 @@ def is_placeholder(text: str) -> bool:
     if not found:
         return not is_foreign(text)
     return PLACEHOLDER.issuperset(found) or (len(found) == 1 and found[0] in GENERIC)
+
+
+def says_nothing(text: str) -> bool:
+    """True for 'Generic USB Device': each word of it could be in any device's string."""
+    return not is_foreign(text) and EMPTY.issuperset(words(text))
 
 
 def makes_chips(maker: str) -> bool:

@@ -11,7 +11,7 @@ from collections.abc import Collection, Iterator
 
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import RAW
+from octoform.contracts.device_kinds import RAW, SAME_KIND
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import (
     carries,
@@ -321,8 +321,8 @@ def _names_its_quantity(device: JsonObject, capability: JsonObject, entry: JsonO
     """Whether a string of the device, or a database's entry for it, holds a word for what it measures or is."""
     raw = str(entry.get("raw_descriptor", ""))
     lines = [str(entry.get("name", "")), *_NAMING.findall(raw), (artifacts.registered or {}).get(device["id"], "")]
-    own = word_set(lines) - word_set(_MAKER.findall(raw))
-    own = frozenset(word for word in own | parts(own) if not is_filler(word))
+    said = word_set(lines) - word_set(_MAKER.findall(raw))
+    own = {each for word in said | parts(said) if not is_filler(word) for each in (word, SAME_KIND.get(word, word))}
     if any(is_class_word(word) for word in own) or any(
         names_language(each.get("says", "")) for each in device["evidence"]
     ):

@@ -169,7 +169,7 @@ def test_a_class_with_a_standard_interface_gets_its_capabilities(
         (["interface 00: class 01/01/00", "interface 01: class 01/02/00", "product: Lark Mic"], "sensor", "audio_in"),
         (["interface 00: class 01/01/00", *["interface 01: class 01/02/00"] * 2], "bidirectional", "audio"),
         (
-            ["interface 00: class ff/ff/00", "interface 01: class ff/02/01", "interface 02: class ff/03/00"],
+            ["product: Lark 61", *(f"interface 0{at}: class ff/{at:02}/00" for at in (1, 2, 3))],
             "bidirectional",
             "audio",
         ),

@@ -10,6 +10,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
+from octoform.base.id_databases import IdDatabases
+from octoform.builtin.classes.words import TABLES
 from octoform.builtin.identify import identify, names_wires, without_refused
 from octoform.builtin.interface import declare
 from octoform.builtin.probe import kernel_text
@@ -118,6 +120,89 @@ def test_a_kind_of_thing_in_another_language_is_accepted(shape: str, product: st
     """No class of the kernel bears it out: what the quote means does, and USB3 Vision is a camera's class."""
     lines = [f"product: {kernel_text.value(product)}"] if product else []
     assert refused(usb(*lines, *SHAPES[shape].get("lines", []))) == []
+
+
+PHRASES = sorted({phrase for table in TABLES for phrases, *_ in table for phrase in phrases})
+WHERE: dict[str, tuple[list[str], str]] = {
+    "in its product string": (["product: Otter {}"], ""),
+    "in an interface's label": (["product: USB Serial", "label={}"], ""),
+    "in its registered name": ([], "X200 {}"),
+    "in its registered name alone": (["product: Generic USB Device"], "X200 {}"),
+}
+PIPES: dict[str, tuple[str, list[tuple[str, str]]]] = {
+    "HID": ("03/00/00 driver=usbhid", [("hidraw", "hidraw0"), ("hid", "0003")]),
+    "line": ("02/02/01 driver=cdc_acm", [("tty", "ttyACM0")]),
+}
+
+
+@for_each("pipe", PIPES, parts=2)
+@for_each(("at", "where"), enumerate(WHERE))
+def test_each_word_of_class_is_accepted_of_a_raw_line(at: int, where: str, pipe: str) -> None:
+    """Class and name follow from the word, wherever it is, and from nothing that the kernel shows."""
+    (lines, registered), (interface, nodes) = WHERE[where], PIPES[pipe]
+    entries, names = [], {}
+    for number, phrase in enumerate(PHRASES[at :: len(WHERE)]):
+        said = [line.format(phrase) for line in lines]
+        label = "".join(f" {line}" for line in said if line.startswith("label="))
+        strings = [line for line in said if line.startswith("product: ")]
+        entries.append(usb(*strings, f"interface 00: class {interface}{label}", pid=f"{number:04x}", nodes=nodes))
+        names[f"{number:04x}"] = registered.format(phrase)
+    assert refused_of(entries, names) == []
+
+
+def refused_of(entries: list[dict[str, Any]], names: dict[str, str]) -> list[str]:
+    """What IDENTIFY's contract reports of the devices of a host whose id database has the names, by product number."""
+    probed = probe(*entries)
+    known = {each["id"]: f"Otter {names[each['pid']]}" for each in entries if names[each["pid"]]}
+    artifacts = Artifacts(probe=probed, registered=known)
+    found = check("identify", identify(probed, Registered(names)), artifacts, SCHEMAS)
+    return [f"{one.code}: {one.summary}" for one in found]
+
+
+class Registered(IdDatabases):
+    """An id database with the names of some products of one maker."""
+
+    def __init__(self, names: dict[str, str]) -> None:
+        """``names`` by the number of the product, "" where it has none."""
+        super().__init__(Path("/nonexistent"))
+        self.names = names
+
+    def lookup(self, bus: str, vendor: str, product: str) -> tuple[str, str]:
+        """The maker and the name; nothing for another bus."""
+        name = self.names.get(product, "") if bus == "usb" else ""
+        return ("Otter" if name else "", name)
+
+
+@pytest.mark.parametrize(
+    "strings", [(), ("product: Generic USB Device",), ("manufacturer: Generic", "product: USB Device")]
+)
+@for_each(
+    ("kind", "lines"),
+    (
+        ("sensor", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: 008c/0001"]),
+        ("sensor", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: 008d/0001"]),
+        ("sensor", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: ff00/0001,000d/0004"]),
+        ("sensor", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: 0001/0005"]),
+        ("actuator", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: 0059/0001"]),
+        ("bidirectional", ["interface 00: class ff/00/00", "udev.ID_SOFTWARE_RADIO: 1"]),
+        ("bidirectional", ["interface 00: class dc/01/01"]),
+        ("sensor", ["interface 00: class 03/01/02 driver=usbhid"]),
+        # A driver's name and an arrangement of a vendor's own interfaces state nothing.
+        ("unknown", ["interface 00: class 03/00/00 driver=hid-bench"]),
+        ("unknown", ["interface 00: class 03/00/00 driver=usbhid", "hid[0].usages: ff00/0001"]),
+        ("unknown", ["interface 00: class ff/5d/01 driver=xpad"]),
+        ("unknown", [f"interface 0{at}: class ff/{at:02}/00" for at in (1, 2, 3)]),
+        ("unknown", ["interface 00: class ff/00/00", "udev.ID_MM_CANDIDATE: 1"]),
+    ),
+)
+def test_a_device_without_a_word_is_what_a_standard_states(
+    kind: str, lines: list[str], strings: tuple[str, ...]
+) -> None:
+    """A usage of HID, a rule of the system or a class of USB is a statement; without any it is unknown."""
+    drivers = [line.split("driver=")[1] for line in lines if "driver=" in line]
+    entry = usb(*strings, *lines, drivers=drivers, classes=["hidraw"] if drivers else [])
+    (found,) = identify(probe(entry), NO_DATABASES)["devices"]
+    assert found["category"] == kind and refused(entry) == []
 
 
 @given(SAID, SAID)

@@ -10,7 +10,7 @@ from typing import Any
 
 from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import CLASSES, INPUT_KINDS, INPUTS, KINDS, RAW, WAYS
+from octoform.contracts.device_kinds import CLASSES, INPUT_KINDS, INPUTS, KINDS, RAW, SAME_KIND, WAYS
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import destroys, is_class_word, is_filler, kind_of, tokens
@@ -188,6 +188,7 @@ def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
             [str(entry["name"]), str(entry["raw_descriptor"]), (artifacts.registered or {}).get(device["id"], "")]
         )
         found |= word_set([device["identified_as"], *(each.get("says", "") for each in device["evidence"])])
+        found |= {SAME_KIND[each] for each in found if each in SAME_KIND}
         found |= {kind} if len(kind) >= _JOINED and kind in _spelt(entry) else set()
         ways = ways_of(entry)
         # Of a device that has a class with a meaning, the raw line beside it means nothing more.

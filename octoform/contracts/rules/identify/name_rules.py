@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 from octoform.base.escaping import display
 from octoform.base.pointer import pointer
-from octoform.contracts.device_kinds import INPUT_KINDS, INPUTS, KINDS, RAW, speaks_bytes
+from octoform.contracts.device_kinds import INPUT_KINDS, INPUTS, KINDS, RAW, SAME_KIND, speaks_bytes
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_class_word, is_filler, kind_of
@@ -39,8 +39,8 @@ _WITH = regex(r"(?i)\s(?:with|and|plus)\s")
 _CODES = regex(r"(?m)^(?:[\w.\[\]]*(?:_id|_code|revision|modalias|alias|_class|\.id|usages)|interface \w+): .*$")
 _BOOT = regex(r"\bclass 03/01/0[12]\b")
 """A keyboard or a mouse by its USB class alone (HID 1.11, section 4.3)."""
-# Words of a device's own strings that say a kind of thing in another word.
-_SYNONYMS = {"imager": "camera", "lte": "modem", "wwan": "modem", "scan": "scanner", "imaging": "camera"}
+_DECLARED = regex(r"(?m)^hid\[\d+\]\.usages: (?:ff\w*/\w+,)*(?!ff)[0-9a-f]{4}/|^udev\.(?!ID_MM_)[A-Z]\w+: 1$")
+"""What a device is for, by a usage of a standard page (from ff00 on they are a vendor's) or by a rule of the system."""
 _QUALITIES: dict[str, tuple[str, ...]] = {
     "thermal": ("thermal", "hwmon", "cooling"),
     "bluetooth": ("bluetooth", "usb-e0"),
@@ -162,7 +162,7 @@ def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[
     """The words of a name that neither the device reports nor a class bears out; of a line nothing follows, either."""
     lines = [each.get("says", "") for each in device["evidence"] if entry is None]  # no database was read
     own = word_set([*_texts(probed), entry or "", *(text for text in lines if _SOURCE.search(text))])
-    own |= parts(own) | _meanings(device) | {_SYNONYMS[word] for word in own if word in _SYNONYMS}
+    own |= parts(own) | _meanings(device) | {SAME_KIND[word] for word in own if word in SAME_KIND}
     follows = (
         own if "tty" in probed.get("classes", ()) else own | word_set(e.get("says", "") for e in device["evidence"])
     )
@@ -174,7 +174,8 @@ def _guessed(device: JsonObject, probed: JsonObject, entry: str | None) -> list[
     proper = [word for word in telling if is_proper(word, device["identified_as"])]
     foreign = not all(text.isascii() for text in _texts(probed))  # its words may say the same in another language
     unsaid = {*missing(moving + proper, own), *([] if foreign else missing(others + telling, follows))}
-    bare = ways <= _BARE and not _BOOT.search(str(probed["raw_descriptor"]))
+    raw = str(probed["raw_descriptor"])
+    bare = ways <= _BARE and not _BOOT.search(raw) and not _DECLARED.search(raw)
     if not (telling or kinds) and bare and not _speaks(probed):
         unsaid |= {word for word in spelt if word.casefold() not in _VAGUE} or {*spelt}  # a pipe is no kind of thing
     return [word for word in dict.fromkeys(spelt) if word in unsaid]
