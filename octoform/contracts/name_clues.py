@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from octoform.contracts.device_kinds import KINDS
+from octoform.contracts.name_words import without_escapes
 from octoform.patterns import regex
 
 _SEND = frozenset(
@@ -393,7 +394,8 @@ def is_chip_name(name: str, raw_descriptor: str) -> bool:
     ``USB-serial adapter``, or a part number and a maker around such a phrase. Words of the maker's line in
     ``raw_descriptor`` do not count as naming a product.
     """
-    words = _words(_APPOSITION.split(name.strip(), maxsplit=1)[0] or name)
+    name = without_escapes(name).strip()
+    words = _words(_APPOSITION.split(name, maxsplit=1)[0] or name)
     if not set(words) & _BRIDGE:
         return False
     makers = {word for line in _MAKER_LINE.findall(raw_descriptor) for word in _words(line)}

@@ -30,6 +30,11 @@ _PARTS = regex(r"[a-z]{3,}")
 _MAX_RUN = 3
 
 
+def without_escapes(text: str, joint: str = " ") -> str:
+    r"""The text without what PROBE writes for characters that cannot be printed (``\x1f``): they are no words of it."""
+    return _ESCAPE.sub(joint, text)
+
+
 def words(text: str) -> list[str]:
     """The words of a name as they are spelt, compounds in camel case taken apart."""
     plain = unicodedata.normalize("NFKC", text)
@@ -47,7 +52,7 @@ def word_set(texts: Iterable[str]) -> frozenset[str]:
 def _words_of(text: str) -> frozenset[str]:
     """Those of one text: the rules about a device ask for its texts a dozen times."""
     found = set()
-    plain = unicodedata.normalize("NFKC", _ESCAPE.sub(" ", text))
+    plain = unicodedata.normalize("NFKC", without_escapes(text))
     for spread in (plain, _SPREAD.sub(" ", plain)):
         spoken = [word.casefold() for word in _WORD.findall(spread)]
         for length in range(1, _MAX_RUN + 1):

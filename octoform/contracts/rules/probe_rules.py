@@ -12,6 +12,7 @@ from octoform.base.escaping import display, listed
 from octoform.base.pointer import pointer
 from octoform.contracts.host_identity import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
+from octoform.contracts.name_words import without_escapes
 from octoform.contracts.rules.text_rules import in_values
 from octoform.diagnostics import Diagnostic, error
 from octoform.patterns import regex
@@ -265,7 +266,7 @@ _COPY = (
 )
 _ALONE = "it belongs in `instance` alone, so that two hosts of the same kind have the same text; take it out"
 _WORD = regex(r"[^\W_]+")
-_ESCAPE = regex(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|<\w+>")
+_REDACTED = regex(r"<\w+>")
 _NUMBERED = regex(r"[A-Za-z][A-Za-z0-9]*?\d+(?:[a-z]\d+)*")
 _ON_THE_BUS = regex(r"(?i)\bbus \d{3} device \d{3}\b")
 _PCI_PLACE = regex(r"[0-9a-f]{4}:[0-9a-f]{2}:[0-9a-f]{2}\.[0-7]")
@@ -354,7 +355,7 @@ def _strings(device: JsonObject) -> Iterator[str]:
 
 def _words(text: str) -> list[str]:
     """The words of a string in small letters, escapes and what was hidden omitted; ``0x1F00`` is 1f00."""
-    return [word.removeprefix("0x") for word in _WORD.findall(_ESCAPE.sub(" ", text).casefold())]
+    return [word.removeprefix("0x") for word in _WORD.findall(_REDACTED.sub(" ", without_escapes(text)).casefold())]
 
 
 def _marks(instance: JsonObject) -> list[str]:

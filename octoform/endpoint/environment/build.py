@@ -14,7 +14,7 @@ from pathlib import Path
 from threading import Thread
 
 from octoform.base import shortage
-from octoform.base.files import private_folder, replace
+from octoform.base.files import private_folder, read, replace
 from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.bounded_program import ForkServer, base_environment, run
@@ -151,7 +151,7 @@ def _give_times(sources: Path, cache: Path) -> None:
             if present.st_nlink > 1:
                 return
             differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_size == wanted.st_size
-            if differs and source.read_bytes() == copy.read_bytes():
+            if differs and read(source) == read(copy):
                 os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
 
 

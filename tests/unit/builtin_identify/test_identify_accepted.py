@@ -98,6 +98,7 @@ def refused(entry: dict[str, Any]) -> list[str]:
 @example("Docking Station", "", "usb")
 @example("USBPrinter", "", "usb")
 @example("Serial \x1f", "", "usb")
+@example("( \x1f Serial", "USBUSB", "usb")
 def test_no_string_of_a_device_ends_in_a_refusal(shape: str, product: str, maker: str, bus: str) -> None:
     form = SHAPES[shape]
     lines = [

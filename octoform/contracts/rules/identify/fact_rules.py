@@ -14,7 +14,7 @@ from octoform.contracts.device_kinds import CLASSES, INPUT_KINDS, INPUTS, KINDS,
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import destroys, is_class_word, is_filler, kind_of, tokens
-from octoform.contracts.name_words import has_digit, is_proper, missing, parts, word_set, words
+from octoform.contracts.name_words import has_digit, is_proper, missing, parts, without_escapes, word_set, words
 from octoform.contracts.rules.identify.annotation_rules import capabilities, evidenced
 from octoform.contracts.rules.raw_line_rules import known_by_a_person
 from octoform.diagnostics import Diagnostic, error
@@ -37,7 +37,6 @@ _LINES: dict[str, tuple[str, ...]] = {
     "spidev": ("spi", "spidev"),
     "hidapi": ("hid", "hidraw", "usb-03"),
 }
-_ESCAPE = regex(r"\\x[0-9a-f]{2}|\\u[0-9a-f]{4}|\\U[0-9a-f]{8}|\s")
 _SHOWN = {"picture", "image", "photo", "photograph", "snapshot"}
 
 
@@ -172,7 +171,8 @@ _JOINED = 5
 
 def _spelt(entry: JsonObject) -> str:
     """All that a device calls itself, as one text."""
-    return _ESCAPE.sub("", f"{entry['name']} {entry['raw_descriptor']}").casefold()
+    spelt = without_escapes(f"{entry['name']} {entry['raw_descriptor']}", joint="")
+    return "".join(spelt.casefold().split())
 
 
 def class_false(value: JsonObject, artifacts: Artifacts) -> list[Diagnostic]:
