@@ -430,7 +430,7 @@ def _scheduled(environ: Mapping[str, str]) -> dict[str, bytes]:
     for name, (command, *options) in SCHEDULERS.items():
         argv = [shutil.which(command, path=environ.get("PATH")) or "", *options]
         with suppress(OSError, subprocess.TimeoutExpired):
-            if managed or "--user" not in options:
+            if argv[0] and (managed or "--user" not in options):
                 found[name] = subprocess.run(argv, stdin=subprocess.DEVNULL, capture_output=True, timeout=10).stdout
     return found
 

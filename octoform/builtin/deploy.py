@@ -16,7 +16,6 @@ import sys
 import time
 import tomllib
 from collections.abc import Mapping, Sequence
-from importlib.metadata import packages_distributions
 from pathlib import Path
 from typing import Any
 
@@ -146,6 +145,8 @@ def provider(module: str, declared: Mapping[str, str], profiles: Profiles = ()) 
     for name in (*_of_profiles(module, profiles), *_KNOWN.get(module, ())):
         if name in declared:
             return name
+    from importlib.metadata import packages_distributions  # a third of a start, and few modules come to this
+
     here = {normalised(name) for name in packages_distributions().get(module, ())}
     return next((name for name in declared if name in here), None)
 
