@@ -8,13 +8,14 @@ import json
 import os
 import shutil
 import sys
-from collections.abc import Collection, Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
 
 from octoform.base import shortage
-from octoform.base.files import private_folder, read, replace
+from octoform.base.files import private_folder, replace
 from octoform.base.locks import held
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.bounded_program import ForkServer, base_environment, run
@@ -31,6 +32,7 @@ from octoform.endpoint.environment.model import (
     normal,
     packages_of,
     pins,
+    recorded,
 )
 from octoform.endpoint.published_files import read_manifest
 from octoform.state.files import write_atomic
@@ -121,14 +123,15 @@ def _share_bytecode(layout: Layout, environment: Environment) -> None:
     manifest = read_manifest(layout) or {}
     serves = str(donor.path) in (manifest.get("environment"), manifest.get("previous_environment"))
     source, target = packages_of(donor.path), packages_of(environment.path)
+    shared = []
     for place, names, _ in os.walk(source):
         if _BYTECODE in names:
             names.remove(_BYTECODE)
-            cache = Path(place, _BYTECODE)
-            folder = target / cache.relative_to(source)
+            folder = place[len(str(source)) + 1 :]
             with suppress(OSError):  # a package that is not there, or a file system without links
-                (_link_files if serves else Path.rename)(cache, folder)
-                _give_times(cache.parent, folder)
+                (_link_files if serves else Path.rename)(Path(place, _BYTECODE), target / folder / _BYTECODE)
+                shared.append(folder)
+    _give_times(source, target, shared, (donor.path / MARKER).stat().st_mtime_ns)
 
 
 def _link_files(folder: Path, target: Path) -> None:
@@ -137,22 +140,26 @@ def _link_files(folder: Path, target: Path) -> None:
         os.link(path, target / path.name)
 
 
-def _give_times(sources: Path, cache: Path) -> None:
-    """Give sources beside this bytecode the times of equal ones in another folder.
+def _give_times(source: Path, target: Path, folders: Iterable[str], complete: int) -> None:
+    """Give sources of which there is bytecode in these folders the times of equal ones in another environment.
 
     Where the package tool's cache lies on another file system, it copies all files, each with a time of its own; else
-    they are links, which have one time.
+    they are links, which have one time. Equal is what one distribution has in both, with the same line in its RECORD,
+    and what was not written again after that environment was ``complete``.
     """
-    folder = cache.parent
-    for name in {f"{path.name.partition('.')[0]}.py" for path in cache.iterdir()}:
-        source, copy = sources / name, folder / name
-        with suppress(FileNotFoundError):
-            wanted, present = source.stat(), copy.stat()
-            if present.st_nlink > 1:
+    former, present = recorded(source), recorded(target)
+    lines = Counter(line.partition(",")[0] for line in former | present)
+    equal = {name for line in former & present if lines[name := line.partition(",")[0]] == 1}
+    for folder in folders:
+        for path in (target / folder / _BYTECODE).iterdir():
+            name = f"{folder}/{path.name.partition('.')[0]}.py".lstrip("/")
+            if name not in equal:
+                continue
+            wanted, copy = (source / name).stat(), (target / name).stat()
+            if copy.st_nlink > 1:
                 return
-            differs = present.st_mtime_ns != wanted.st_mtime_ns and present.st_size == wanted.st_size
-            if differs and read(source) == read(copy):
-                os.utime(copy, ns=(present.st_atime_ns, wanted.st_mtime_ns))
+            if wanted.st_mtime_ns <= complete:
+                os.utime(target / name, ns=(copy.st_atime_ns, wanted.st_mtime_ns))
 
 
 def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:

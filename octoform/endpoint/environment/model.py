@@ -16,6 +16,7 @@ import posixpath
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -225,6 +226,15 @@ def _wanted(name: str, extras: str, rest: str) -> tuple[str, frozenset[str], str
     under = _EXTRA.search(rest.partition(";")[2])
     named = frozenset(normal(each.strip()) for each in extras.split(",") if each.strip())
     return normal(name), named, normal(under[1]) if under else None
+
+
+def recorded(folder: Path) -> set[str]:
+    """The lines of every RECORD: a file's name below ``folder``, its digest, its size. Two equal lines, equal files."""
+    found: set[str] = set()
+    for record in folder.glob(f"*{_DIST_INFO}/{_RECORD}"):
+        with suppress(OSError):  # nothing is known of its files
+            found.update(head(record, MAX_RECORD_BYTES, follow=True).decode("utf-8", "replace").splitlines())
+    return found
 
 
 def _listed(folder: Path) -> Iterator[tuple[str, str, str]]:

@@ -279,6 +279,21 @@ def test_bytecode_of_equal_packages_is_shared(
     assert loaded(third, layout)[1] == number and not cached.exists()
 
 
+def test_bytecode_of_a_source_that_was_edited_is_not_shared(
+    layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("UV_LINK_MODE", "copy")
+    for name in ("alpha", "beta"):
+        wheelhouse.add(name, "1.0")
+    first = built(layout, locked(layout, "alpha==1.0"))
+    module = packages_of(first.path) / "alpha.py"
+    module.write_text(module.read_text().replace("1.0", "9.9"))  # of the same size
+    loaded(first, layout)
+    second = built(layout, locked(layout, "alpha==1.0", "beta==1.0"))
+    shown = [str(second.python), "-I", "-c", "import alpha; print(alpha.VERSION)"]
+    assert run(shown, cwd=layout.project, environment={}, timeout=30).stdout == "1.0\n"
+
+
 def test_prewarming_builds_beside_other_work_and_only_once(
     layout: Layout, wheelhouse: Wheelhouse, monkeypatch: pytest.MonkeyPatch
 ) -> None:
