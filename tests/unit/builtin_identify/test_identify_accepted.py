@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 from cases import for_each
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from unit.builtin_identify.probes import NO_DATABASES, device, probe, usb
 
@@ -85,7 +85,6 @@ def refused(entry: dict[str, Any]) -> list[str]:
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-@settings(max_examples=25)  # of each shape, and others in every run
 @given(SAID, SAID, st.sampled_from(["usb", "i2c", "platform"]))
 @example("USB to Serial", "", "usb")
 @example("Otter USB to Serial", "Otter", "usb")

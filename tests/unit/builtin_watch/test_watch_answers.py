@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.builtin.task import Task, TaskRefused
@@ -180,7 +180,6 @@ _FAILURES = st.tuples(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(st.lists(_READINGS, max_size=8), st.lists(_FAILURES, max_size=6), st.booleans())
 def test_whatever_it_is_given_its_report_keeps_the_contract(
     readings: list[tuple[Any, ...]], failures: list[tuple[str, str, str]], pictures: bool

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from ledgers import ELBOW_TARGET, SECONDS, STILL, Bench, Clock, heat, load
 
@@ -83,7 +83,6 @@ def _no_disk(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.fsync", lambda _: None)
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(st.lists(steps, min_size=5, max_size=40))
 def test_nothing_is_restricted_but_for_a_fresh_reading_that_bears_it_out(course: list[tuple[str, Any]]) -> None:
     with tempfile.TemporaryDirectory() as folder:

@@ -5,7 +5,7 @@ import tomllib
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 from unit.endpoint.client_documents import documents
@@ -64,7 +64,6 @@ def members(text: str, path: tuple[str, ...] = ()) -> list[str]:
 
 @pytest.mark.parametrize("key", ["claude-code", "opencode", "vscode"])
 @given(data=st.data())
-@settings(max_examples=25, deadline=None)
 def test_a_server_comes_into_any_json_and_goes_without_a_trace(key: str, data: st.DataObject) -> None:
     client = CLIENTS[key]
     content, text = data.draw(documents(client.table))
@@ -88,7 +87,6 @@ def test_a_server_comes_into_any_json_and_goes_without_a_trace(key: str, data: s
 
 
 @given(data=st.data())
-@settings(max_examples=30, deadline=None)
 def test_beside_other_servers_the_text_alone_leads_back(data: st.DataObject) -> None:
     _, text = data.draw(documents(populated=True))
     after = merged("cursor", text)
@@ -97,7 +95,6 @@ def test_beside_other_servers_the_text_alone_leads_back(data: st.DataObject) -> 
 
 
 @given(data=st.data())
-@settings(max_examples=30, deadline=None)
 def test_what_came_in_meanwhile_stays_when_the_server_goes(data: st.DataObject) -> None:
     content, text = data.draw(documents())
     later = json_edit.put(merged("cursor", text), ("mcpServers", "later"), {"url": "x"})
@@ -167,7 +164,6 @@ def test_what_cannot_be_read_is_told_with_its_place(text: str, line: int, column
 
 
 @given(st.text(alphabet="{}[]:,\"'/* \n\\ab1", max_size=30))
-@settings(max_examples=100, deadline=None)
 def test_any_text_is_read_or_refused_and_never_worse(text: str) -> None:
     found = json_edit.read(text)
     done = json_edit.put(text, ("mcpServers", NAME), {"command": "p"})
@@ -178,7 +174,6 @@ def test_any_text_is_read_or_refused_and_never_worse(text: str) -> None:
 
 
 @given(st.text(alphabet="{}[]:,\"'ab1 \n", max_size=40))
-@settings(max_examples=100, deadline=None)
 def test_whatever_json_reads_reads_the_same(text: str) -> None:
     try:
         value = json.loads(text)

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from manifest_cases import render_all
 from ruamel.yaml import YAML
@@ -66,7 +66,6 @@ values = st.recursive(
     lambda inner: st.lists(inner, max_size=4) | st.dictionaries(WORDS | st.text(), inner, max_size=5),
     max_leaves=25,
 )
-LIMITS = settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 
 
 def check(content: bytes) -> list[Diagnostic]:
@@ -86,26 +85,22 @@ def check(content: bytes) -> list[Diagnostic]:
     return found
 
 
-@LIMITS
 @given(st.binary(max_size=300))
 def test_any_bytes(content: bytes) -> None:
     check(content)
 
 
-@LIMITS
 @given(st.lists((WORDS | SIGN) | st.text(max_size=5), max_size=40).map("".join))
 def test_any_text_that_looks_like_yaml(text: str) -> None:
     check(text.encode("utf-8", "surrogatepass"))
 
 
-@LIMITS
 @given(st.dictionaries(WORDS, values, max_size=8))
 def test_any_data(data: dict[str, Any]) -> None:
     check(("version: 1\nx: " + json.dumps(data)).encode())
     check(json.dumps({"version": 1, **data}).encode())
 
 
-@LIMITS
 @given(
     st.sampled_from(["sk-", "ghp_", "AKIA", "Bearer "]),
     st.text(alphabet="ABCDEFGHIJKLMNOPQRSTUVWXYZ234567", min_size=16, max_size=16),
@@ -129,7 +124,6 @@ def test_the_value_of_a_secret_name_is_never_shown(key: str, form: str) -> None:
     assert "correcthorse" not in render_all(found, colour=False)
 
 
-@LIMITS
 @given(st.dictionaries(WORDS, values, max_size=6))
 def test_the_yaml_reader_and_ours_agree(data: dict[str, Any]) -> None:
     """The tree is built of events; its data are those that the reader itself would make of JSON."""

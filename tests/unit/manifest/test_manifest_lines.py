@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest import setting_writer as lines
@@ -77,7 +77,6 @@ def test_a_comment_on_the_line_itself_is_not_lost(tmp_path: Path) -> None:
 
 
 @given(sentence=st.text(st.characters(codec="utf-8", exclude_categories=("C", "Z")), min_size=2, max_size=60))
-@settings(suppress_health_check=[HealthCheck.function_scoped_fixture], max_examples=40, deadline=None)
 def test_any_sentence_comes_back_as_it_was_given(tmp_path: Path, sentence: str) -> None:
     text = TABLE.replace("    {}\n", "")
     path = tmp_path / "octopus.yaml"

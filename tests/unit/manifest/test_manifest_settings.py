@@ -5,7 +5,7 @@ import re
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest.loader import load
@@ -171,7 +171,6 @@ EDITS: tuple[tuple[str, str | int | bool], ...] = (
 )
 
 
-@settings(max_examples=80, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_comments_and_order_survive_or_nothing_is_written(data: st.DataObject, tmp_path: Path) -> None:
     chosen = data.draw(st.permutations(BLOCKS))

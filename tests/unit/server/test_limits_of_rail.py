@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 
@@ -73,7 +73,6 @@ CALLS = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(CALLS)
 def test_whatever_is_called_the_firmware_stays_within(
     tmp_path_factory: pytest.TempPathFactory, calls: list[tuple[str, int | None]]

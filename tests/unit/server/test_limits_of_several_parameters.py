@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.endpoint.policy import resolve
@@ -98,7 +98,6 @@ CALLS = st.lists(st.tuples(CALL, st.integers(1, 5)), max_size=15)
 """Calls, and how often each is made: a bound is reached by going the same way several times."""
 
 
-@settings(max_examples=60, deadline=None)
 @given(CALLS)
 def test_whatever_is_called_and_comes_of_it_no_joint_goes_too_far(
     tmp_path_factory: pytest.TempPathFactory, calls: list[tuple[tuple[str, dict[str, Any], Fraction, bool], int]]

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.server.audit import audit_log as module
@@ -128,7 +128,6 @@ json_values = st.recursive(
 WORDS = ['"event":"audit_rotated"', '"event":"audit_torn","bytes":1', '","prev":"0","hash":"1"}\n{"seq":1,"time":"']
 
 
-@settings(max_examples=60, deadline=None)
 @given(values=st.lists(json_values | st.sampled_from(WORDS), max_size=8), name=st.sampled_from(WORDS))
 def test_no_text_breaks_the_log(tmp_path_factory: pytest.TempPathFactory, values: list[Any], name: str) -> None:
     folder = tmp_path_factory.mktemp("audit")

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.server import tool_policy
@@ -382,7 +382,6 @@ limits_of = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(limits=limits_of, sequence=calls, restart=st.integers(1, 6))
 def test_no_sequence_of_accepted_calls_exceeds_a_bound(
     tmp_path_factory: pytest.TempPathFactory, limits: list[dict[str, Any]], sequence: list[Any], restart: int
@@ -443,7 +442,6 @@ def test_many_calls_of_many_tools_are_kept_and_read_again(tmp_path: Path, time: 
     assert 0 < (tmp_path / "limits.json").stat().st_size - before < 300
 
 
-@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(steps=st.lists(st.tuples(st.sampled_from("abc"), st.integers(0, 30), st.booleans()), max_size=60))
 def test_what_is_kept_is_what_was_counted(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int, bool]]

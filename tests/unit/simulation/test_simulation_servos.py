@@ -5,7 +5,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.simulation.rig import load
@@ -305,7 +305,6 @@ COMMANDS = st.lists(
 )
 
 
-@settings(max_examples=40, deadline=None)
 @given(COMMANDS)
 def test_whatever_is_written_no_shaft_leaves_its_limits(commands: list[tuple[int, str, int, float]]) -> None:
     bench = Bench()
@@ -320,7 +319,6 @@ def test_whatever_is_written_no_shaft_leaves_its_limits(commands: list[tuple[int
         assert reached.highest <= bench.read(number, "highest") + 1e-6
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(0, 4095), st.floats(0, 4095), st.floats(0, 2), st.floats(50, 3400), st.floats(100, 20000))
 def test_a_new_goal_in_the_middle_changes_speed_gently(
     first: float, second: float, after: float, top: float, gain: float

@@ -4,7 +4,7 @@ import os
 from pathlib import Path
 
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.base.files import TEMPORARY
@@ -21,7 +21,6 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 @given(st.lists(trees, min_size=1, max_size=4))
-@settings(max_examples=20, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_a_stage_has_exactly_the_files_accepted_last(layout: Layout, history: list[dict[str, bytes]]) -> None:
     digests: dict[str, str | None] = {}
     for tree in history:
