@@ -288,6 +288,8 @@ def test_bytecode_of_a_source_that_was_edited_is_not_shared(
     first = built(layout, locked(layout, "alpha==1.0"))
     module = packages_of(first.path) / "alpha.py"
     module.write_text(module.read_text().replace("1.0", "9.9"))  # of the same size
+    complete = (first.path / MARKER).stat().st_mtime
+    os.utime(module, (complete + 1, complete + 1))  # the clock of the file system may not have gone on since then
     loaded(first, layout)
     second = built(layout, locked(layout, "alpha==1.0", "beta==1.0"))
     shown = [str(second.python), "-I", "-c", "import alpha; print(alpha.VERSION)"]
