@@ -59,7 +59,7 @@ _MEASURING = frozenset(("video4linux", "hwmon", "thermal", "iio", "power_supply"
 _SHINING = frozenset(("leds", "backlight"))
 _PIPES = frozenset(("tty", "hid", "hidraw", "hiddev", "usb", "usb_device", "usbmisc"))
 """Classes of the kernel whose nodes carry bytes and no meaning."""
-_MEANT = ("01", "06", "07", "08", "0b", "0e", "0f", "ef/05", "e0", "fe", "03/01/01", "03/01/02")
+_MEANT = ("01", "06", "07", "08", "0b", "0e", "0f", "dc", "ef/05", "e0", "fe", "03/01/01", "03/01/02")
 """USB class codes that show what an interface is for (usb.org, "Defined Class Codes"); of HID the keyboard's and the
 mouse's."""
 _MODEM_MANAGER = "udev.ID_MM_"
@@ -95,7 +95,8 @@ def accepted(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:
         return annotation
     if any(names_wires(text, device.raw) for text in (name, bare)):
         return unknown(annotation, _MISSING)
-    return unknown(annotation, _MUTE) if not product_names.model_words(name) and _is_mute(device) else annotation
+    is_noun = annotation["method"] == "kernel_class" or not product_names.model_words(name)
+    return unknown(annotation, _MUTE) if is_noun and _is_mute(device) else annotation
 
 
 def _is_mute(device: Device) -> bool:
@@ -104,13 +105,15 @@ def _is_mute(device: Device) -> bool:
     What a vendor's own interfaces are arranged like, or a driver is called after, is no statement either.
     """
     strings = (device.product_text, *(text for text, _ in device.names("hid", "name")), device.text("name", "model"))
+    labels = [word for one in device.interfaces for word in _words(one.label) if not _is_filler(word)]
     usages = [usage for fact in device.of("hid", "usages") for usage in fact.text.split(",")]
     marked = any(
         fact.key.startswith("udev.") and fact.text == "1" and not fact.key.startswith(_MODEM_MANAGER)
         for fact in device.facts
     )
-    silent = all(map(product_names.says_nothing, strings)) and all(usage.startswith("ff") for usage in usages)
-    return device.bus == "usb" and device.classes <= _PIPES and silent and not marked and not device.usb(*_MEANT)
+    silent = all(map(product_names.says_nothing, (*strings, *labels)))
+    declared = marked or not all(usage.startswith("ff") for usage in usages) or device.usb(*_MEANT) is not None
+    return device.bus == "usb" and device.classes <= _PIPES and silent and not declared
 
 
 def categorised(device: Device, annotation: dict[str, Any]) -> dict[str, Any]:

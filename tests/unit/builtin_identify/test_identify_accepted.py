@@ -126,16 +126,18 @@ PHRASES = sorted({phrase for table in TABLES for phrases, *_ in table for phrase
 WHERE: dict[str, tuple[list[str], str]] = {
     "in its product string": (["product: Otter {}"], ""),
     "in an interface's label": (["product: USB Serial", "label={}"], ""),
+    "in an interface's label alone": (["product: USB Device", "label={}"], ""),
     "in its registered name": ([], "X200 {}"),
     "in its registered name alone": (["product: Generic USB Device"], "X200 {}"),
 }
 PIPES: dict[str, tuple[str, list[tuple[str, str]]]] = {
     "HID": ("03/00/00 driver=usbhid", [("hidraw", "hidraw0"), ("hid", "0003")]),
+    "none": ("ff/00/00", []),
     "line": ("02/02/01 driver=cdc_acm", [("tty", "ttyACM0")]),
 }
 
 
-@for_each("pipe", PIPES, parts=2)
+@for_each("pipe", PIPES, parts=3)
 @for_each(("at", "where"), enumerate(WHERE))
 def test_each_word_of_class_is_accepted_of_a_raw_line(at: int, where: str, pipe: str) -> None:
     """Class and name follow from the word, wherever it is, and from nothing that the kernel shows."""

@@ -72,6 +72,7 @@ _VAGUE = frozenset(
     )
 )
 _OWN_STRINGS = regex(r"(?m)^(?:product|model|name|hid\[\d+\]\.name): (.*)$")
+_LABELS = regex(r"(?m)^interface \w+: .*?\blabel=(.*)$")
 # Classes of which each device of a bus has one, whatever it is.
 _BARE = RAW | {"usb-02", "usb-03"}
 _CODE = "IDENTIFY-NAME-WITHOUT-EVIDENCE"
@@ -315,8 +316,11 @@ def _translated(device: JsonObject) -> frozenset[str]:
 
 
 def _speaks(probed: JsonObject) -> bool:
-    """Whether a device calls itself anything, in more than words that say nothing."""
-    spoken = (word.casefold() for text in _OWN_STRINGS.findall(str(probed["raw_descriptor"])) for word in words(text))
+    """Whether a device calls itself anything, in more than words that say nothing; in a label its wires say nothing."""
+    raw = str(probed["raw_descriptor"])
+    spoken = [word.casefold() for text in _OWN_STRINGS.findall(raw) for word in words(text)]
+    labels = (word.casefold() for text in _LABELS.findall(raw) for word in words(text))
+    spoken += [word for word in labels if not is_filler(word)]
     return any(not word.isdigit() and word not in _VAGUE | _GRAMMAR for word in spoken)
 
 
