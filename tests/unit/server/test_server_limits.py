@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from gated import tool_policy as entry
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -216,6 +217,27 @@ def test_a_refused_call_counts_for_nothing_and_is_told_all_that_is_wrong(tmp_pat
     assert "position 9999 raw is above" in text
     assert "steps 1000000 would bring" in text
     assert found.used() == before
+
+
+GOAL = {"kind": "goal", "of": "elbow", "maximum": 1000, "unit": "raw", "source": "policy.limits[0]"}
+MOVE = {"names": {"elbow": ["3"]}, "parameter": "joint", "goal": {"of": "position", "parameter": "position"}}
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({}, "does not declare in advance where it moves elbow"),
+        ({"position": "up"}, "does not declare"),
+        ({"position": 1001}, "1001"),
+    ],
+)
+def test_a_move_to_a_limited_place_names_the_place(tmp_path: Path, given: dict[str, Any], words: str) -> None:
+    tool = entry(units=MOVE, limits=[GOAL])
+    policy = tool_policy.parse({"format": 1, "mode": "enforce", "tools": {"move": tool}})
+    found = Ledger(policy, tmp_path / "limits.json")
+    refusal = found.judge("move", {"joint": "elbow", **given})
+    assert refusal is not None and refusal.code == "goal" and words in refusal.text
+    assert found.judge("move", {"joint": "elbow", "position": 1000}) is None
 
 
 def test_an_unknown_tool_is_refused(tmp_path: Path, time: Time) -> None:

@@ -108,6 +108,17 @@ def test_what_waits_does_not_wait_for_an_uptime_of_another_boot(shelf: Shelf) ->
     assert (again.of("k").tries, again.of("k").next) == (1, 7.0)
 
 
+def test_how_long_a_trouble_is_away_counts_over_a_restart_and_begins_again_with_a_boot(shelf: Shelf) -> None:
+    found = breakers(shelf)
+    fail(found, 0.0)
+    found.away("k", 100.0, repaired=True)
+    assert breakers(shelf, now=120.0).of("k").gone == 100.0
+    assert breakers(shelf, boot="b2", now=7.0).of("k").gone == 7.0, "an uptime of another boot counts from its end"
+    there = breakers(shelf)
+    there.begin("k", "t", 130.0)
+    assert breakers(shelf, now=140.0).of("k").gone is breakers(shelf, boot="b2").of("k").gone is None
+
+
 @given(st.lists(st.floats(0.1, 4000), min_size=1, max_size=60))
 def test_whatever_the_times_a_trouble_that_returns_at_once_is_frozen_after_three(gaps: list[float]) -> None:
     import tempfile
