@@ -1,13 +1,14 @@
 """The journal: what is cut is ignored, what is altered is refused, and nothing in between is possible."""
 
 import os
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.diagnostics import Severity
+from octoform.diagnostics import Diagnostic, Severity
 from octoform.state.store.journal import Journal, Op, Reading, Record, decode, encode, read
 
 texts = st.text(st.characters(codec="utf-8"), max_size=30)
@@ -129,3 +130,16 @@ def test_a_journal_that_is_a_link_is_neither_read_nor_written(tmp_path: Path) ->
     assert reading is None and found[0].code == "STATE-LINK"
     assert Journal(path, Reading()).append(Record(1, "t", Op.BEGIN, "r", "x", {})) is not None
     assert target.read_text() == "precious"
+
+
+@pytest.mark.parametrize("gone", [Journal.clear, lambda journal: journal.set_aside(Path("/proc/aside"))])
+def test_records_that_cannot_be_dropped_are_told_and_stay(
+    tmp_path: Path, gone: Callable[[Journal], Diagnostic | None]
+) -> None:
+    path = tmp_path / "journal.jsonl"
+    journal = Journal(path, Reading())
+    assert gone(journal) is None, "there is nothing to drop"
+    path.mkdir()
+    found = gone(journal)
+    assert found is not None and found.severity is Severity.ERROR and str(path) in f"{found.path} {found.summary}"
+    assert path.is_dir()
