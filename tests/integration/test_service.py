@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 import warm
 from launched import Launched, launched, tool
+from ordinary import has_account
 from projects import OCTOFORM
 from python_programs import python_program
 from terminals import Terminal
@@ -241,6 +242,7 @@ def stops_with_the_uninstall_and_leaves_nothing(systemd: Systemd, bench: Launche
     assert not is_marked(bench.layout), "anyone who installs it wants it to run"
 
 
+@pytest.mark.skipif(not has_account(), reason="units of a user need an account in the user database")
 def test_from_the_question_before_it_is_installed_to_what_is_left_after_it(systemd: Systemd, bench: Launched) -> None:
     """One installation is enough for all of it: each start of the endpoint by a unit is that of a new program."""
     is_shown_asked_for_written_and_given_to_systemd(systemd, bench)

@@ -1,6 +1,7 @@
 """An ordinary user for tests that run as root: what holds for one has to hold for the other."""
 
 import os
+import pwd
 import shutil
 import subprocess
 import tempfile
@@ -12,6 +13,15 @@ OPEN_PYTHON = Path("/usr/bin/python3")
 """An interpreter that every user can start; that of the tests may lie in root's home."""
 POSSIBLE = os.geteuid() == 0 and shutil.which("setpriv") is not None
 """Only root can become another user."""
+
+
+def has_account() -> bool:
+    """Whether the user of the tests has an entry in the user database; in a container they may have a number alone."""
+    try:
+        pwd.getpwuid(os.getuid())
+    except KeyError:
+        return False
+    return True
 
 
 class User:

@@ -41,8 +41,8 @@ def test_it_prints_and_ends_as_the_program_does(words: list[str], tmp_path: Path
 
 
 def test_a_run_has_its_own_environment_and_no_other(tmp_path: Path) -> None:
-    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\nmodel: ${HOME}\n")
-    first = warm.run(OCTOFORM, ["validate"], tmp_path, {**ENVIRON, "HOME": "/some/model"}, 60)
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\nmodel: ${OWN_MODEL}\n")
+    first = warm.run(OCTOFORM, ["validate"], tmp_path, {**ENVIRON, "OWN_MODEL": "some/model"}, 60)
     second = warm.run(OCTOFORM, ["validate"], tmp_path, ENVIRON, 60)
     assert (first[0], second[0]) == (0, 1), (first, second)
 
