@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 from octoform.contracts.model import Artifacts, ProfileFacts
+from octoform.contracts.rules.interface.result_rules import channel_unit
 from octoform.contracts.rules.interface.unit_rules import units_missing, units_wrong
 
 Tool = dict[str, Any]
@@ -87,3 +88,22 @@ def test_the_cure_of_a_report_is_about_the_report() -> None:
     tool["units"]["reports"].pop("unit")
     [found] = units_wrong({"tools": [tool]}, Artifacts())
     assert "`reports.unit`" in str(found.hint) and "input_schema" not in str(found.hint)
+
+
+@pytest.mark.parametrize(
+    ("member", "effect", "expected"),
+    [
+        ("value_celsius", "read", ["INTERFACE-CHANNEL-UNIT"]),
+        ("value_volts", "read", []),
+        ("value_celsius", "actuate", []),
+    ],
+)
+def test_a_reading_is_in_a_unit_of_its_channels_whatever_it_is_called(
+    member: str, effect: str, expected: list[str]
+) -> None:
+    channels = [{"channel": "in0", "unit": "V"}]
+    ability = {"name": "read_inputs", "effect": effect, "parameters": {"channels": channels}}
+    result = {"properties": {member: {"type": "number"}}}
+    tool = {**LOOK, "capability": "read_inputs", "effect": effect, "output_schema": result}
+    given = Artifacts(identify={"devices": [{"id": "arm", "capabilities": [ability]}]})
+    assert [item.code for item in channel_unit({"tools": [tool]}, given)] == expected
