@@ -10,7 +10,7 @@
 #                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names. Then spoil
 #                  every file of a host MUTATIONS times (default 200; 0 leaves that out). Then kill an apply at each
 #                  durable point. Then ten thousand commands and faults at random, of which `make test` tries a
-#                  thousand: no limit is passed. Then forty times the examples of properties, and other ones each time
+#                  thousand: no limit is passed. Then twenty times the examples of properties, and other ones each time
 # make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
 # make coverage    run the unit tests and print how much of each package they reach; TESTS="tests/unit tests/faults" takes
 #                  other ones. Measuring takes time and imports, so a few tests of those fail here
@@ -83,7 +83,7 @@ faults: setup
 	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --workers $(WORKERS) --only $(ONLY)
 	@EVERY_POINT=1 $(PYTHON) -m pytest -n $(WORKERS) tests/faults/test_faults_crash.py tests/unit/state/test_state_crash.py
 	@SEEDS=4 COMMANDS=2500 $(PYTHON) -m pytest -n $(WORKERS) tests/integration/test_limits_under_faults.py
-	@$(PYTHON) -m pytest -n $(WORKERS) --hypothesis-profile=random $(RANDOM_TESTS)
+	@$(PYTHON) -m pytest -n $(WORKERS) -o faulthandler_timeout=0 --hypothesis-profile=random $(RANDOM_TESTS)
 
 soak: setup
 	@$(CAMPAIGN).soak --seconds $(SECONDS)

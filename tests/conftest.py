@@ -3,6 +3,7 @@
 import fcntl
 import gc
 import os
+import resource
 import signal
 import subprocess
 from collections.abc import Callable, Generator, Iterator
@@ -49,7 +50,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # wherever it is tested; examples that nobody has seen are for `make faults`, which asks for the other profile.
     lenient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
     settings.register_profile("tests", lenient, max_examples=25, derandomize=True, database=None)
-    settings.register_profile("random", lenient, max_examples=1000)
+    settings.register_profile("random", lenient, max_examples=500)
     settings.load_profile("tests")
 
 
@@ -80,6 +81,20 @@ def pytest_runtest_teardown() -> Generator[None]:
 def pytest_sessionfinish() -> None:
     """In each worker as well: see `session_folders`."""
     remove_session_folders()
+
+
+@pytest.fixture
+def thousand_descriptors() -> Iterator[None]:
+    """This process has so many files open that the next one has a number above 1023."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (min(hard, max(soft, 4096)), hard))
+    opened = [os.dup(2) for _ in range(1100)]
+    try:
+        yield
+    finally:
+        for each in opened:
+            os.close(each)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
 
 
 @pytest.fixture

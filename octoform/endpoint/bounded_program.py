@@ -15,7 +15,7 @@ import subprocess
 import tempfile
 import threading
 import time
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from contextlib import ExitStack, suppress
 from functools import partial
 from pathlib import Path
@@ -242,7 +242,7 @@ class ForkServer:
         if self._loaded is False:
             return False
         # Once it has loaded it prints nothing more: what there is to read is its end.
-        return not self._loaded or not select.select([self._orders], [], [], 0)[0]
+        return not self._loaded or not _readable([self._orders.fileno()], 0)
 
 
 atexit.register(ForkServer.end_all)
@@ -274,7 +274,7 @@ class Forked:
             started = time.monotonic()
             ready = self._await([self._answers.fileno(), self._pidfd], timeout)
             if self._answers.fileno() not in ready:  # it has ended: its server reports that at once, or is stopped
-                ready = select.select([self._answers.fileno()], [], [], END_SECONDS)[0]
+                ready = _readable([self._answers.fileno()], END_SECONDS)
             text = self._answers.recv(64) if ready else b""
             if not text:
                 self._await([self._pidfd], timeout and max(0.0, timeout - (time.monotonic() - started)))
@@ -289,10 +289,18 @@ class Forked:
             processes.signal_one(self.pid, self._start)
 
     def _await(self, descriptors: list[int], timeout: float | None) -> list[int]:
-        ready = select.select(descriptors, [], [], timeout)[0]
+        ready = _readable(descriptors, timeout)
         if not ready:
             raise subprocess.TimeoutExpired([str(self.pid)], timeout or 0.0)
         return ready
+
+
+def _readable(descriptors: Iterable[int], timeout: float | None) -> list[int]:
+    """Those that can be read or have ended, within so many seconds; `select.select` takes none above 1023."""
+    watched = select.poll()
+    for each in descriptors:
+        watched.register(each, select.POLLIN)
+    return [descriptor for descriptor, _ in watched.poll(None if timeout is None else timeout * 1000)]
 
 
 def _served(finished: Finished) -> Finished:

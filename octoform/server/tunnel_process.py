@@ -249,9 +249,11 @@ def _lines_of(process: "subprocess.Popen[bytes]") -> Iterator[str]:
     if process.stdout is None:
         return
     descriptor = process.stdout.fileno()
+    watched = select.poll()  # `select` takes no descriptor above 1023
+    watched.register(descriptor, select.POLLIN)
     rest = b""
     while True:
-        readable, _, _ = select.select([descriptor], [], [], LOOK_SECONDS)
+        readable = watched.poll(LOOK_SECONDS * 1000)
         part = os.read(descriptor, 65536) if readable else b""
         if (readable and not part) or (not readable and process.poll() is not None):
             break

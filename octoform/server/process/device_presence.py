@@ -188,12 +188,14 @@ def kernel_events() -> socket.socket | None:
 
 def _wait(stopping: socket.socket, events: socket.socket | None, seconds: float) -> bool:
     """Wait for hot-plug to begin and to be over, or for ``seconds``; False when the watching is to end."""
-    sockets = [stopping] if events is None else [stopping, events]
+    watched = select.poll()  # `select` takes no descriptor above 1023
+    for each in (stopping,) if events is None else (stopping, events):
+        watched.register(each, select.POLLIN)
     deadline, plugged = time.monotonic() + seconds, None
     while True:
         left = deadline - time.monotonic()
-        ready, _, _ = select.select(sockets, [], [], max(left, 0.0))
-        if stopping in ready:
+        ready = [descriptor for descriptor, _ in watched.poll(max(left, 0.0) * 1000)]
+        if stopping.fileno() in ready:
             return False
         if events is None or not ready:
             return True

@@ -68,6 +68,13 @@ def test_a_script_finds_what_a_program_of_its_own_would(
     assert seen == expected and seen["descriptors"] == [0, 1, 2, 3], "the last is that of the listing itself"
 
 
+@pytest.mark.usefixtures("thousand_descriptors")
+def test_a_process_with_a_thousand_files_open_runs_a_script(serving: Environment, tmp_path: Path) -> None:
+    server = bare(serving)
+    assert server.loaded(60)
+    assert forked(server, serving.python, tmp_path, "print(7)").stdout == "7\n"
+
+
 def test_what_it_loads_has_no_checks_that_are_made_for_each_call(
     server: ForkServer, serving: Environment, tmp_path: Path
 ) -> None:

@@ -46,6 +46,15 @@ class Watched:
             assert not thread.is_alive()
 
 
+@pytest.mark.usefixtures("thousand_descriptors")
+def test_a_server_with_a_thousand_files_open_watches_too(host: Host) -> None:
+    host.plug(CAMERA, SENSOR)
+    with Watched() as watched:
+        until(lambda: watched.presence.present(CAMERA) is True)
+        host.unplug_camera()
+        until(lambda: watched.presence.absent("read_both") == ["C270 HD Webcam"])
+
+
 def test_a_device_that_goes_and_comes_is_absent_in_between(host: Host) -> None:
     host.plug(CAMERA, SENSOR)
     with Watched() as watched:

@@ -2,6 +2,7 @@
 
 import itertools
 import json
+import os
 import subprocess
 import sys
 import threading
@@ -12,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from gated import tool_policy as entry
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -64,7 +64,9 @@ class Time:
         self.wall += timedelta(seconds=seconds)
 
 
-def policy_of(*limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> tool_policy.Policy:
+def policy_of(
+    *limits: Mapping[str, Any], units: Mapping[str, Any] | None = None, **more: list[Mapping[str, Any]]
+) -> tool_policy.Policy:
     return tool_policy.parse(
         {
             "format": 1,
@@ -77,6 +79,7 @@ def policy_of(*limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> to
                     "timeout": 30,
                     "result_bytes": 1000,
                     "limits": list(of),
+                    **({"units": units} if units is not None else {}),
                 }
                 for name, of in {"move": list(limits), **more}.items()
             },
@@ -85,7 +88,7 @@ def policy_of(*limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> to
 
 
 def ledger(folder: Path, time: Time, *limits: Mapping[str, Any], **more: list[Mapping[str, Any]]) -> Ledger:
-    return Ledger(policy_of(*limits, **more), folder / "limits.json", lambda: time.clock, lambda: time.wall)
+    return Ledger(policy_of(*limits, units=None, **more), folder / "limits.json", lambda: time.clock, lambda: time.wall)
 
 
 def refused(found: Ledger, **arguments: Any) -> str:
@@ -232,9 +235,7 @@ MOVE = {"names": {"elbow": ["3"]}, "parameter": "joint", "goal": {"of": "positio
     ],
 )
 def test_a_move_to_a_limited_place_names_the_place(tmp_path: Path, given: dict[str, Any], words: str) -> None:
-    tool = entry(units=MOVE, limits=[GOAL])
-    policy = tool_policy.parse({"format": 1, "mode": "enforce", "tools": {"move": tool}})
-    found = Ledger(policy, tmp_path / "limits.json")
+    found = Ledger(policy_of(GOAL, units=MOVE), tmp_path / "limits.json")
     refusal = found.judge("move", {"joint": "elbow", **given})
     assert refusal is not None and refusal.code == "goal" and words in refusal.text
     assert found.judge("move", {"joint": "elbow", "position": 1000}) is None
@@ -350,6 +351,24 @@ print(sum(found.reserve("move", {{"steps": 1}}) is None for _ in range(40)))
     assert 3 < int(done.stdout) < 40
     assert again.used()["move"]["sums"] == {"steps": int(done.stdout)}
     assert again.reserve("move", {"steps": 1}) is None
+
+
+def test_a_line_that_the_disk_took_in_part_is_taken_back(
+    tmp_path: Path, time: Time, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    found, write = ledger(tmp_path, time, SUM), os.write
+    assert refused(found, steps=3) == ""
+    before = (tmp_path / "limits.json").read_bytes()
+    with monkeypatch.context() as full:
+        full.setattr(os, "write", lambda descriptor, data: write(descriptor, data[: len(data) // 2]))
+        assert refused(found, steps=4).startswith("counters_unwritable: ")
+    assert (tmp_path / "limits.json").read_bytes() == before
+    assert refused(found, steps=9997) == "" and refused(found, steps=1).startswith("cumulative: ")
+
+
+@pytest.mark.parametrize(("digits", "shown"), [(60, "1" * 60 + " "), (61, "1" * 60 + "... ")])
+def test_a_long_number_is_cut_where_it_is_told(tmp_path: Path, time: Time, digits: int, shown: str) -> None:
+    assert f" {shown}" in refused(ledger(tmp_path, time, RANGE), position=int("1" * digits))
 
 
 def test_only_what_counts_is_written(tmp_path: Path, time: Time) -> None:
