@@ -1,20 +1,23 @@
 """The hosts on which outputs are held against a contract: the recorded ones, the two rigs, and the bench of `shop`."""
 
+import copy
 import functools
 import shutil
 import tempfile
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 from bench_host import lab, shop
 from hosts.plant import plant
 from session_folders import session_folder
 
 from octoform.base.id_databases import IdDatabases
+from octoform.builtin import scan
 from octoform.builtin.identify import identify
 from octoform.builtin.probe import probe_root
-from octoform.contracts.model import ProfileFacts
+from octoform.contracts.model import HostScan, ProfileFacts
 from octoform.profiles import commands, definition, devices_of, for_task
 from octoform.profiles.profile_parser import load
 from octoform.simulation import rig as descriptions
@@ -62,6 +65,17 @@ def host(name: str) -> Host:
         if device.get("vid") and device.get("pid")
     }
     return Host(root, probe, identify(probe, databases, lines, answers), answers, facts, registered)
+
+
+def scan_beside(name: str, value: Any) -> HostScan:
+    """What the embedded agent finds beside a PROBE of that host; its own scan is the one that was made with the host.
+
+    That a scan is made each time is for the tests of the stage; hundreds of outputs are of the same few hosts.
+    """
+    known = host(name)
+    with patch.object(scan, "probe", lambda _: copy.deepcopy(known.probe)):
+        seen = scan.beside(value, known.root)
+    return HostScan(seen["probe"], tuple(seen["unsaid"]), tuple(seen["untrue"]))
 
 
 _FOLDER = session_folder("case-hosts")

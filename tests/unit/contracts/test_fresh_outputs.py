@@ -17,15 +17,14 @@ import stray_cases as stray
 import unseen_cases as unseen
 import wrong_deploys
 from bench_host import desk, smallest_first, watched
-from case_hosts import SCHEMAS, TOP, host
+from case_hosts import SCHEMAS, TOP, host, scan_beside
 from cases import for_each
 from probe_cases import LINE
 from server_edits import Absent, complete
 
 from octoform.builtin.interface import declare
-from octoform.builtin.scan import beside
 from octoform.contracts.contract_check import RULES, check
-from octoform.contracts.model import Artifacts, HostScan
+from octoform.contracts.model import Artifacts
 from octoform.diagnostics import Diagnostic, Severity, has_errors
 from octoform.profiles import devices_of, for_task
 from octoform.profiles.profile_parser import load
@@ -39,9 +38,7 @@ Judge = Callable[[Any], Found]
 def probed(where: str, change: Any) -> Found:
     value = copy.deepcopy(host(where).probe)
     change(value)
-    seen = beside(value, host(where).root)
-    scan = HostScan(seen["probe"], tuple(seen["unsaid"]), tuple(seen["untrue"]))
-    return check("probe", value, Artifacts(scan=scan), SCHEMAS)
+    return check("probe", value, Artifacts(scan=scan_beside(where, value)), SCHEMAS)
 
 
 def identified(where: str, change: Any) -> Found:

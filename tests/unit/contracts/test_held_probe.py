@@ -7,7 +7,7 @@ from typing import Any
 
 import probe_cases
 import pytest
-from case_hosts import SCHEMAS, host
+from case_hosts import SCHEMAS, host, scan_beside
 from cases import for_each
 from hosts.plant import plant
 from probe_cases import RIGHT, WRONG
@@ -26,8 +26,7 @@ def scanned(where: str, value: Any) -> HostScan | None:
     """What the embedded agent saw beside it; None where the output has not even the shape."""
     if not has_shape("probe", value, SCHEMAS):
         return None
-    seen = beside(value, host(where).root)
-    return HostScan(seen["probe"], tuple(seen["unsaid"]), tuple(seen["untrue"]))
+    return scan_beside(where, value)
 
 
 def errors(where: str, value: Any) -> list[Diagnostic]:
