@@ -3,13 +3,16 @@
 import ast
 import functools
 import re
+import tomllib
 from collections import Counter
 from pathlib import Path
 
 from architecture import parsed
 from cases import for_each
+from packaging.requirements import Requirement
 
-ROOT = Path(__file__).parents[2] / "octoform"
+TOP = Path(__file__).parents[2]
+ROOT = TOP / "octoform"
 FILES = [path for path in sorted(ROOT.rglob("*.py")) if not path.is_symlink()]
 # What gives an idea away in the source, and the module that holds it.
 IDEAS = {
@@ -32,6 +35,8 @@ IDEAS = {
     "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),
 }
 COPIED = ("base", "runtime", "server")
+SERVED = re.compile(r"\b(?:fastmcp|pydantic|opencv-python-headless|pyserial|typing-extensions)[<>=~][^\"']*")
+"""A requirement of a package that generated servers import."""
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
@@ -118,3 +123,18 @@ def test_no_module_compiles_an_expression_at_its_import() -> None:
     found = {path.name: compiled_at_import(source) for path, source in sources.items() if "re.compile(" in source}
     assert {name: lines for name, lines in found.items() if lines} == {}
     assert compiled_at_import("A = re.compile('a')\ndef f():\n    re.compile('b')\nB = (re.compile('c'),)") == [1, 4]
+
+
+def test_the_ranges_of_served_packages_are_those_of_the_extra() -> None:
+    """The embedded agent, the first build of an environment and SERVE repeat what pyproject.toml has."""
+    project = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"]
+    known = {Requirement(text).name: text for text in (*project["dependencies"], *extras["serving"])}
+    assert {"fastmcp", "pyserial", "opencv-python-headless"} <= known.keys()
+    found = set()
+    for path in (*(TOP / "octoform").rglob("*.py"), TOP / "protocol" / "serve.md"):
+        for text in SERVED.findall(path.read_text()):
+            found.add(text)
+            assert known[Requirement(text).name] == text, path
+    assert {known["fastmcp"], known["pyserial"], known["opencv-python-headless"]} <= found
+    assert known["fastmcp"] in extras["dev"], "the tests' client is of the same range"
