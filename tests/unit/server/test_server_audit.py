@@ -1,6 +1,7 @@
 """The audit log: whatever is done to it afterwards shows, and whatever happens to the process does not."""
 
 import dataclasses
+import hashlib
 import json
 import os
 import resource
@@ -437,13 +438,23 @@ def test_the_program_tells_the_same(tmp_path: Path) -> None:
 
 
 def test_a_record_costs_little_and_checking_is_quick(tmp_path: Path) -> None:
-    audit, spent = Audit.open(tmp_path), []
-    for _ in range(20):
+    audit, plain = Audit.open(tmp_path), os.open(tmp_path / "plain", os.O_WRONLY | os.O_CREAT | os.O_APPEND)
+
+    def write_plainly() -> None:
+        line = json.dumps(CALL).encode()
+        hashlib.sha256(line).digest()
+        os.write(plain, line)
+
+    def spent(work: Callable[[], object]) -> float:
         begun = time.process_time()
         for _ in range(500):
-            audit.write("call", **CALL)
-        spent.append((time.process_time() - begun) / 500)
-    assert min(spent) < 60e-6  # measured: 15 to 22 microseconds; the bound leaves room for a busy machine
+            work()
+        return time.process_time() - begun
+
+    # The machine's other work makes most rounds dearer than they are. Measured: 7 times
+    rounds = [(spent(lambda: audit.write("call", **CALL)), spent(write_plainly)) for _ in range(20)]
+    os.close(plain)
+    assert min(each for each, _ in rounds) < 15 * min(least for _, least in rounds)
     begun = time.process_time()
     assert verify(tmp_path).records == 10_000
     assert time.process_time() - begun < 0.5  # measured: 0.05 s
