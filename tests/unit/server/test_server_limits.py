@@ -371,6 +371,14 @@ def test_a_long_number_is_cut_where_it_is_told(tmp_path: Path, time: Time, digit
     assert f" {shown}" in refused(ledger(tmp_path, time, RANGE), position=int("1" * digits))
 
 
+def test_a_restart_adds_to_the_file_and_rewrites_nothing(tmp_path: Path, time: Time) -> None:
+    assert refused(ledger(tmp_path, time, SUM), steps=1) == ""
+    before = (tmp_path / "limits.json").read_bytes()
+    assert refused(ledger(tmp_path, time, SUM), steps=1) == ""
+    after = (tmp_path / "limits.json").read_bytes()
+    assert after.startswith(before) and after.count(b"\n") == before.count(b"\n") + 1
+
+
 def test_only_what_counts_is_written(tmp_path: Path, time: Time) -> None:
     found = ledger(tmp_path, time, SUM, still=[RANGE])
     assert refused(found, steps=1) == ""

@@ -101,6 +101,15 @@ def test_what_said_that_it_cannot_help_and_the_tries_of_an_hour_are_known_after_
     assert again.of("t dependency abc").next_of(chain) is Repair.REBUILD, "the last that is left, and not the first"
 
 
+def test_what_is_forgotten_is_so_for_the_next_daemon_too(shelf: Shelf) -> None:
+    found = breakers(shelf)
+    fail(found, 0.0)
+    found.forget("other")
+    assert breakers(shelf).of("k").tries == 1
+    found.forget("k")
+    assert breakers(shelf).of("k").tries == found.of("k").tries == 0
+
+
 def test_what_waits_does_not_wait_for_an_uptime_of_another_boot(shelf: Shelf) -> None:
     found = breakers(shelf)
     fail(found, 1_000_000.0)
