@@ -1,6 +1,9 @@
 """An expression of a module is what the library compiles, and no start of a process waits for it."""
 
 import copy
+import gc
+import importlib
+import pkgutil
 import re
 from collections.abc import Callable
 from typing import Any
@@ -8,6 +11,7 @@ from typing import Any
 import pytest
 from cases import for_each
 
+import octoform
 from octoform.patterns import regex
 
 USES: dict[str, Callable[[Any], object]] = {
@@ -54,3 +58,20 @@ def test_a_mistake_is_an_error_at_the_first_use() -> None:
     wrong = regex("(")
     with pytest.raises(re.error):
         wrong.search("")
+
+
+def test_every_expression_of_a_module_compiles() -> None:
+    """Without this a mistake in an expression that few runs use would end one of those."""
+    modules = [found.name for found in pkgutil.walk_packages(octoform.__path__, "octoform.") if is_imported(found.name)]
+    assert len(modules) > 400
+    for name in modules:
+        importlib.import_module(name)
+    ours = [each for each in gc.get_objects() if type(each) is type(regex(""))]
+    assert len(ours) > 300
+    for each in ours:
+        re.compile(each.pattern, each.flags)
+
+
+def is_imported(name: str) -> bool:
+    """Programs do their work when they are imported, and templates are no modules."""
+    return not name.endswith(".__main__") and not {"templates", "shipped", "scripts"} & {*name.split(".")}
