@@ -31,6 +31,7 @@ SOURCE = r"\b(word)"
 # Programs do their work when they are imported, and templates are no modules.
 COMPILE_ALL = """
 import gc, importlib, pkgutil, re
+import octoform
 from octoform.patterns import regex
 names = [found.name for found in pkgutil.walk_packages(octoform.__path__, "octoform.")]
 names = [name for name in names if not {"__main__", "templates", "shipped", "scripts"} & {*name.split(".")}]
