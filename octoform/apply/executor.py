@@ -16,7 +16,7 @@ from octoform.apply.stage.artifact_writer import remember
 from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.attempt_loop import may_go_on, run_stage
 from octoform.apply.stage.attempt_record import state_usage
-from octoform.apply.stage.serve_feedback import RETURNS, Return, rerun, sent_back
+from octoform.apply.stage.serve_feedback import BLAMES, rerun, sent_back
 from octoform.base import digest
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
@@ -82,15 +82,12 @@ def execute(context: Context, plan: Plan, allowed: Callable[[str], bool]) -> Tal
             context.emit(events.NodeUnchanged(node.name, "its inputs came out the same"))
             continue
         _carry_out(context, node, action, tally)
-        while (way := RETURNS.get(tally.failed or "")) is not None:
-            if (
-                returns[way.judge] >= way.most
-                or way.maker not in made
-                or not _restored(context, action, tally, way, made)
-            ):
+        while (judge := tally.failed) and (maker := context.graph.node(judge).returns):
+            spent = returns[judge] >= BLAMES[maker].most or maker not in made
+            if spent or not _restored(context, action, tally, maker, made):
                 break
-            returns[way.judge] += 1
-            _follow(context, action, tally, way, made)
+            returns[judge] += 1
+            _follow(context, action, tally, judge, made)
         if tally.failed:
             return tally
         made.add(node.name)
@@ -107,28 +104,28 @@ def _take_away(context: Context, node: str, tally: Tally) -> None:
         tally.destroyed += 1
 
 
-def _restored(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> bool:
+def _restored(context: Context, action: PlannedAction, tally: Tally, maker: str, made: set[str]) -> bool:
     """Whether what failed is an earlier stage's to fix; then that has run again, and the failed node after it."""
-    failed = sent_back(context, tally.failed, tally.diagnostics)
+    judge, fault = tally.failed or "", BLAMES[maker].fault
+    failed = sent_back(context, maker, tally.diagnostics)
     if failed is None:
         return False
-    spent = [name for name in (way.maker, way.judge) if not may_go_on(context, name)]
+    spent = [name for name in (maker, judge) if not may_go_on(context, name)]
     if spent:
-        text = f"{way.fault}, and the budget of {' and '.join(spent)} has nothing left to fix it with"
-        context.emit(events.Notice(way.judge, text))
+        text = f"{fault}, and the budget of {' and '.join(spent)} has nothing left to fix it with"
+        context.emit(events.Notice(judge, text))
         return False
-    context.emit(events.Notice(way.judge, f"{way.fault}; {way.maker.upper()} gets the findings and runs again"))
+    context.emit(events.Notice(judge, f"{fault}; {maker.upper()} gets the findings and runs again"))
     tally.failed = None
     tally.diagnostics = [item for item in tally.diagnostics if item not in failed.standing]
-    _repeat(context, action, tally, way.maker, _Again(failed, counted=True))
-    _repeat(context, action, tally, way.judge, _Again(None, counted=way.judge in made))
+    _repeat(context, action, tally, maker, _Again(failed, counted=True))
+    _repeat(context, action, tally, judge, _Again(None, counted=judge in made))
     return True
 
 
-def _follow(context: Context, action: PlannedAction, tally: Tally, way: Return, made: set[str]) -> None:
-    """Run again what lies between the stage that was fixed and the node at which the run is."""
-    names = list(context.graph.names())
-    for name in names[names.index(way.judge) + 1 : names.index(action.node) + 1]:
+def _follow(context: Context, action: PlannedAction, tally: Tally, judge: str, made: set[str]) -> None:
+    """Run again what lies between the stage that was sent back and the node at which the run is."""
+    for name in context.graph.from_to(judge, action.node):
         if name in made or name == action.node:
             _repeat(context, action, tally, name, _Again(None, counted=name in made))
 

@@ -10,8 +10,8 @@ from dataclasses import field, replace
 from typing import Any, NamedTuple, TypeVar
 
 from octoform.apply.stage.escalation import merged
-from octoform.apply.stage.serve_feedback import RETURNS
 from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
+from octoform.graph.compile import RETURNS
 from octoform.records import dataclass
 from octoform.state.layout import STAGES
 
@@ -257,8 +257,7 @@ def _begins(item: Attempt, before: Sequence[Attempt]) -> bool:
     last = before[-1]
     if item.stage == last.stage:
         return _turn(item) <= _turn(last)
-    way = RETURNS.get(last.stage)
-    returned = way is not None and way.maker == item.stage and last.state != ACCEPTED
+    returned = RETURNS.get(last.stage) == item.stage and last.state != ACCEPTED
     return STAGES.index(item.stage) < STAGES.index(last.stage) and not returned
 
 

@@ -21,6 +21,9 @@ if TYPE_CHECKING:  # the package brings the YAML reader with it
     from octoform.profiles.model import Profile
 
 ENDPOINT = "endpoint"
+RETURNS: Mapping[str, str] = {"interface": "identify", "serve": "interface", "deploy": "serve"}
+"""The stages that may find an earlier one at fault, each with the one that is then made again. No key has it: it
+decides in which order a run works, never what an output depends on."""
 STEP_INPUTS = ("identify", "interface", "serve", "deploy")
 _PREFIX = "setting."
 SCOPE = f"{_PREFIX}scope"
@@ -90,6 +93,7 @@ def _stage(name: str, manifest: Manifest, spec: Spec, profiles: "tuple[Profile, 
         model=model,
         calls_model=any(_calls_model(one) for one in (harness, second.harness if second is not None else None)),
         escalate=Agent(second.harness.name, second.model) if second is not None else None,
+        returns=RETURNS.get(name),
     )
 
 

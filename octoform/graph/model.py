@@ -45,7 +45,8 @@ class Node:
     ``parts`` are the key parts that are known before anything runs; ``consumes`` names the nodes whose output
     digests join them, ``after`` those that must merely be in place. ``observes_host`` adds the host fingerprint (PROBE
     alone). ``calls_model``: an agent that may work for it uses a model. ``escalate`` is asked for what the stage's own
-    agent leaves unknown.
+    agent leaves unknown. ``returns`` names the node that makes its output again, in the same run, when this one fails
+    because of it: the one edge against the order.
     """
 
     name: str
@@ -58,6 +59,7 @@ class Node:
     calls_model: bool = False
     escalate: Agent | None = None
     after: tuple[str, ...] = ()
+    returns: str | None = None
 
     @property
     def needs(self) -> tuple[str, ...]:
@@ -81,6 +83,11 @@ class Graph:
             if node.name == name:
                 return node
         raise KeyError(name)
+
+    def from_to(self, first: str, last: str) -> tuple[str, ...]:
+        """The names of the nodes after ``first`` up to ``last``, in order."""
+        names = self.names()
+        return names[names.index(first) + 1 : names.index(last) + 1]
 
     def upstream(self, names: Iterable[str]) -> frozenset[str]:
         """The named nodes and all that they need."""
@@ -118,20 +125,23 @@ def key_of(parts: Mapping[str, str]) -> str:
 
 
 def to_dot(graph: Graph) -> str:
-    """A DOT digraph; an arrow points from a node to what it consumes, a dashed one to what it is carried out with."""
+    """A DOT digraph; an arrow points from a node to what it consumes, a dashed one to what it is carried out with, and
+    a dotted one to what it sends back when that is at fault."""
     lines = ["digraph octoform {", "  rankdir = LR;", '  node [shape = box, fontname = "sans-serif"];']
     lines += [f'  "{node.name}" [label = "{_quoted(node)}"];' for node in graph.nodes]
     lines += [f'  "{node.name}" -> "{other}";' for node in graph.nodes for other in node.consumes]
     lines += [f'  "{node.name}" -> "{other}" [style = dashed];' for node in graph.nodes for other in node.after]
+    lines += [f'  "{node.name}" -> "{node.returns}" [style = dotted];' for node in graph.nodes if node.returns]
     return "\n".join([*lines, "}", ""])
 
 
 def to_mermaid(graph: Graph) -> str:
-    """A mermaid flowchart, left to right in the order of work."""
+    """A mermaid flowchart, left to right in the order of work; a labelled arrow leads back to what is made again."""
     lines = ["flowchart LR"]
     lines += [f'    {node.name}["{_entities(node)}"]' for node in graph.nodes]
     lines += [f"    {other} --> {node.name}" for node in graph.nodes for other in node.consumes]
     lines += [f"    {other} -.-> {node.name}" for node in graph.nodes for other in node.after]
+    lines += [f"    {node.name} -. findings .-> {node.returns}" for node in graph.nodes if node.returns]
     return "\n".join([*lines, ""])
 
 

@@ -86,7 +86,8 @@ def test_the_state_can_be_looked_at(live: Project) -> None:
 def test_the_graph_can_be_drawn(live: Project) -> None:
     dot = live.run("graph", status=0).out
     assert dot.startswith("digraph octoform {")
-    assert dot.count("->") == 9
+    assert dot.count("->") == 12
+    assert '"deploy" -> "serve" [style = dotted];' in dot
     assert live.run("graph", "-type", "mermaid", status=0).out.startswith("flowchart LR\n")
 
 

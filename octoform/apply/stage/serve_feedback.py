@@ -20,6 +20,7 @@ from octoform.apply.stage.attempt import Failed
 from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
+from octoform.graph.compile import RETURNS
 from octoform.harness.port import ExitReason, Outcome, Task
 from octoform.records import dataclass
 from octoform.state.accepted import file_digest
@@ -27,7 +28,6 @@ from octoform.state.artifact_cache import generations
 from octoform.state.files import read_regular
 from octoform.state.layout import STAGES
 
-MAKER, JUDGE = "serve", "deploy"
 SHOWN = frozenset(
     {"ENDPOINT-TOOL-BROKEN", "ENDPOINT-TOOLS-DIFFER", "ENDPOINT-CALL-NOT-LOGGED", "ENDPOINT-OUTPUT-INVALID"}
     | {"ENDPOINT-RESULT-IMPLAUSIBLE", "ENDPOINT-RESULT-OTHER-DEVICE", "ENDPOINT-RESULT-CONSTANT"}
@@ -44,23 +44,24 @@ UNSERVABLE = frozenset({"SERVE-INTERFACE-WRONG"})
 
 
 @dataclass(frozen=True, slots=True)
-class Return:
-    """The way from a stage back to the one before it, whose accepted output it found wrong."""
+class Blame:
+    """When a failed stage sends the run back along its edge of the graph (`Node.returns`), and how often in one run.
 
-    maker: str
-    judge: str
+    ``at_once``: the codes against which another attempt of the stage itself cannot help.
+    """
+
     codes: frozenset[str]
     at_once: frozenset[str]
     most: int
     fault: str
 
 
-RETURNS = {
-    JUDGE: Return(MAKER, JUDGE, SHOWN | TOLD, SHOWN, 2, "the server is at fault"),
-    MAKER: Return("interface", MAKER, UNSERVABLE, UNSERVABLE, 1, "the interface is at fault"),
-    "interface": Return("identify", "interface", BLAMED, BLAMED, 1, "what was identified is at fault"),
+BLAMES = {
+    "serve": Blame(SHOWN | TOLD, SHOWN, 2, "the server is at fault"),
+    "interface": Blame(UNSERVABLE, UNSERVABLE, 1, "the interface is at fault"),
+    "identify": Blame(BLAMED, BLAMED, 1, "what was identified is at fault"),
 }
-"""By the stage that failed. ``at_once``: another attempt of it cannot help; ``most``: how often in one run."""
+"""By the stage that is at fault."""
 
 NOT_OF_OUTPUT = frozenset({"APPLY-OUTSIDE-WRITE", "ARTIFACT-MISSING"})
 """Why an attempt is refused whatever its output is like."""
@@ -169,15 +170,14 @@ def _differences(members: str, former: Mapping[str, Any], now: Mapping[str, Any]
 
 def is_earlier_fault(stage: str, found: Iterable[Diagnostic]) -> bool:
     """True when another attempt at the stage cannot help, since what it stands on is at fault."""
-    way = RETURNS.get(stage)
-    return way is not None and any(item.code in way.at_once and has_errors([item]) for item in found)
+    blame = BLAMES.get(RETURNS.get(stage, ""))
+    return blame is not None and any(item.code in blame.at_once and has_errors([item]) for item in found)
 
 
-def sent_back(context: Context, failed: str | None, found: Iterable[Diagnostic]) -> Failed | None:
-    """The feedback to the earlier stage that has to fix the failure; else None."""
-    way = RETURNS.get(failed or "")
-    blamed = tuple(item for item in found if way is not None and item.code in way.codes and has_errors([item]))
-    if way is None or not blamed:
+def sent_back(context: Context, maker: str, found: Iterable[Diagnostic]) -> Failed | None:
+    """The feedback to the earlier stage that has to fix a failure with these findings; None where it is not its."""
+    blamed = tuple(item for item in found if item.code in BLAMES[maker].codes and has_errors([item]))
+    if not blamed:
         return None
-    former = read_regular(context.layout.output(way.maker))[0]
-    return Failed((), None, context.specs[way.maker].text, former, standing=blamed)
+    former = read_regular(context.layout.output(maker))[0]
+    return Failed((), None, context.specs[maker].text, former, standing=blamed)

@@ -8,7 +8,14 @@ from octoform.graph.model import Graph, Node, NodeKind, key_of, key_parts, to_do
 CHAIN = Graph(
     (
         Node("probe", NodeKind.STAGE, (), {"spec": "s1", "harness": "builtin"}, observes_host=True, harness="builtin"),
-        Node("identify", NodeKind.STAGE, ("probe",), {"spec": "s2", "harness": "builtin"}, harness="builtin"),
+        Node(
+            "identify",
+            NodeKind.STAGE,
+            ("probe",),
+            {"spec": "s2", "harness": "builtin"},
+            harness="builtin",
+            returns="probe",
+        ),
         Node("endpoint", NodeKind.ENDPOINT, ("identify",)),
     )
 )
@@ -39,9 +46,17 @@ def test_upstream_and_downstream_follow_the_edges() -> None:
     assert CHAIN.downstream(["identify"]) == {"identify", "endpoint"}
 
 
+def test_the_way_back_is_no_input_and_orders_nothing() -> None:
+    assert CHAIN.node("identify").needs == ("probe",)
+    assert CHAIN.from_to("probe", "endpoint") == ("identify", "endpoint")
+    assert CHAIN.from_to("identify", "identify") == ()
+
+
 def test_drawings_hold_every_node_and_edge() -> None:
     dot, mermaid = to_dot(CHAIN), to_mermaid(CHAIN)
     assert '"identify" -> "probe";' in dot
     assert '"endpoint" [label = "endpoint (octoform)"];' in dot
+    assert '"identify" -> "probe" [style = dotted];' in dot
     assert "    probe --> identify\n" in mermaid
+    assert "    identify -. findings .-> probe\n" in mermaid
     assert '    probe["probe (builtin)"]\n' in mermaid

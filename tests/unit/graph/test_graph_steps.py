@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from pathlib import Path
 
+from octoform.apply.stage.serve_feedback import BLAMES
 from octoform.graph.compile import compile_graph
 from octoform.graph.model import Graph, Node, NodeKind, to_dot, to_mermaid
 from octoform.manifest.loader import load
@@ -41,6 +42,12 @@ def test_steps_come_last_and_in_the_manifests_order(tmp_path: Path) -> None:
     assert (node.kind, node.harness, node.calls_model) == (NodeKind.STEP, "builtin", False)
     assert node.consumes == ("identify", "interface", "serve", "deploy")
     assert node.after == ("endpoint",)
+
+
+def test_a_stage_that_finds_an_earlier_one_at_fault_has_an_edge_back_to_it(tmp_path: Path) -> None:
+    found = {node.name: node.returns for node in graph(tmp_path, "arm").nodes if node.returns}
+    assert found == {"interface": "identify", "serve": "interface", "deploy": "serve"}
+    assert set(found.values()) == set(BLAMES), "each edge has the findings that send a run back, and nothing else has"
 
 
 def test_a_run_that_keeps_to_a_step_has_the_endpoint_that_it_needs(tmp_path: Path) -> None:
