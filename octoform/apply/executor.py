@@ -21,13 +21,13 @@ from octoform.base import digest
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, has_errors
-from octoform.graph.model import Node, NodeKind, key_of, key_parts
+from octoform.graph.model import Node, NodeKind, key_of, key_parts, moved_parts
 from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import WANTED_ANEW, Tool, changes, is_ignored
 from octoform.plan.model import Action, Plan, PlannedAction
 from octoform.records import dataclass
-from octoform.state.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest, keyed
 from octoform.state.files import read_regular
 from octoform.state.model import NodeState, Status
 
@@ -144,8 +144,7 @@ def settled(context: Context, node: Node) -> bool:
 def _moved(context: Context, node: Node, known: NodeState) -> list[str]:
     now = _parts(context, node)
     ignored = frozenset(context.manifest.lifecycle.ignore)
-    names = sorted(set(now) | set(known.key_parts))
-    return [name for name in names if not is_ignored(name, ignored) and now.get(name) != known.key_parts.get(name)]
+    return [name for name in moved_parts(known.key_parts, now) if not is_ignored(name, ignored)]
 
 
 def _parts(context: Context, node: Node) -> dict[str, str]:
@@ -248,8 +247,7 @@ def _accept(context: Context, node: Node, verdict: Verdict) -> list[Diagnostic]:
 def _state(context: Context, node: Node, finished: Finished) -> NodeState:
     parts = _parts(context, node)
     return NodeState(
-        key=key_of(parts),
-        key_parts=parts,
+        **keyed(parts),
         output_digest=finished.verdict.digest,
         file_digest=file_digest(context.layout, node.name) or "",
         harness=node.harness,

@@ -26,7 +26,7 @@ from octoform.engine.inspect.state import open_project
 from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.refresh import read_artifacts
-from octoform.graph.model import ANSWER
+from octoform.graph.model import ANSWER, input_of
 from octoform.harness.event_parser import json_object
 from octoform.records import dataclass
 from octoform.state.accepted import observe as observe_files
@@ -331,10 +331,11 @@ def _of(state: NodeState, used: bool, digest: str | None) -> Iterator[str]:
 
 
 def _older(name: str, state: NodeState, snapshot: Snapshot) -> Iterator[str]:
-    before = [part for part in STAGES if f"input.{part}" in state.key_parts and part in snapshot.nodes]
-    moved = [part for part in before if state.key_parts[f"input.{part}"] != snapshot.nodes[part].output_digest]
-    if moved:
-        yield f"{name.upper()}: made from an earlier output of {moved[0].upper()}; octoform apply renews it"
+    made_of = {input_of(part): digest for part, digest in state.key_parts.items()}
+    before = [part for part in STAGES if part in made_of and part in snapshot.nodes]
+    older = [part for part in before if made_of[part] != snapshot.nodes[part].output_digest]
+    if older:
+        yield f"{name.upper()}: made from an earlier output of {older[0].upper()}; octoform apply renews it"
 
 
 MAX_OUTPUT_BYTES = 8 << 20

@@ -15,11 +15,11 @@ from octoform.base.escaping import is_hidden
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors
 from octoform.engine.inspect.state import Found, change, open_project
 from octoform.engine.plan.configuration import Compiled
-from octoform.graph.model import key_of
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.spec_loader import load_one, load_step
 from octoform.records import dataclass
 from octoform.state import attempts
+from octoform.state.accepted import keyed
 from octoform.state.attempts import PendingEdit
 from octoform.state.files import write_atomic
 from octoform.state.model import NodeState
@@ -191,4 +191,4 @@ def _made_with(known: NodeState, edit: PendingEdit) -> bool:
 def _rekeyed(known: NodeState, edit: PendingEdit) -> NodeState:
     parts = {**known.key_parts, "spec": edit.digest}
     detail = {name: value for name, value in known.detail.items() if name != "spec_edit"}
-    return known.model_copy(update={"key": key_of(parts), "key_parts": parts, "detail": detail})
+    return known.model_copy(update={**keyed(parts), "detail": detail})

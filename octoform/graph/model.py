@@ -15,6 +15,10 @@ from octoform.records import dataclass
 
 ANSWER = "answer."
 """How the key part of a person's answer begins; the device's id follows."""
+INPUT = "input."
+"""How the key part of a consumed output begins; the name of its node follows."""
+HARDWARE = "hardware"
+"""The key part of what the kernel announces."""
 STEP = "step."
 """How the name of a privileged step's node begins; the step's own name follows."""
 
@@ -110,10 +114,27 @@ def key_parts(node: Node, outputs: Mapping[str, str], fingerprint: str | None) -
     """All parts of a node's key; ``outputs`` gives the canonical output digest of each node it consumes."""
     parts = dict(node.parts)
     for name in node.consumes:
-        parts[f"input.{name}"] = outputs[name]
+        parts[f"{INPUT}{name}"] = outputs[name]
     if node.observes_host and fingerprint is not None:
-        parts["hardware"] = fingerprint
+        parts[HARDWARE] = fingerprint
     return parts
+
+
+def input_of(part: str) -> str:
+    """The node whose output a key part is the digest of; empty for any other part."""
+    return part.removeprefix(INPUT) if part.startswith(INPUT) else ""
+
+
+def moved_parts(before: Mapping[str, str], now: Mapping[str, str]) -> list[str]:
+    """The names of the key parts that came, went or differ, in order."""
+    return [part for part in sorted({*before, *now}) if before.get(part) != now.get(part)]
+
+
+def renewed(parts: Mapping[str, str], outputs: Mapping[str, tuple[str, str]]) -> dict[str, str]:
+    """The key parts of a node that was verified again after other nodes were; ``outputs`` has their digests before and
+    after. An input that was not the former output stays: what was made of something older still is."""
+    pairs = {f"{INPUT}{name}": pair for name, pair in outputs.items()}
+    return {part: pairs[part][1] if pairs.get(part, ("",))[0] == value else value for part, value in parts.items()}
 
 
 def key_of(parts: Mapping[str, str]) -> str:

@@ -7,7 +7,7 @@ a daemon.
 from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 
-from octoform.graph.model import ANSWER, STEP, Graph, Node, NodeKind, key_of, key_parts
+from octoform.graph.model import ANSWER, HARDWARE, INPUT, STEP, Graph, Node, NodeKind, input_of, key_parts, moved_parts
 from octoform.plan.model import Action, Cause, Change, PlannedAction, Reason, Reuse
 from octoform.records import dataclass
 
@@ -95,7 +95,7 @@ def _plan_node(
     if reasons:
         return _action(node, _word(reasons, known), tuple(reasons), known, certain=True)
     if upstream:
-        waits = tuple(Reason(Cause.UPSTREAM, part=f"input.{name}") for name in upstream)
+        waits = tuple(Reason(Cause.UPSTREAM, part=f"{INPUT}{name}") for name in upstream)
         return _action(node, Action.UPDATE, waits, known, certain=False)
     return _action(node, Action.NOOP, (), known, certain=True)
 
@@ -141,13 +141,12 @@ def _changed(
     """One reason for each key part that differs; inputs that are only known after apply are omitted."""
     now = key_parts(node, outputs, observed.fingerprint)
     reasons = []
-    for part in sorted(set(now) | set(known.key_parts)):
-        if is_ignored(part, wishes.ignore) or part.removeprefix("input.") in unknown_inputs:
+    for part in moved_parts(known.key_parts, now):
+        if is_ignored(part, wishes.ignore) or input_of(part) in unknown_inputs:
             continue
         before, after = known.key_parts.get(part), now.get(part)
-        if before != after:
-            text = "; ".join(observed.hardware) if part == "hardware" and observed.hardware else None
-            reasons.append(Reason(Cause.CHANGED, part=part, before=before, after=after, text=text))
+        text = "; ".join(observed.hardware) if part == HARDWARE and observed.hardware else None
+        reasons.append(Reason(Cause.CHANGED, part=part, before=before, after=after, text=text))
     return reasons
 
 
@@ -236,7 +235,7 @@ def _reuse(
     known = all(inputs.values())
     parts = key_parts(node, inputs, None)
     for offer in offers:
-        if known and key_of(parts) == key_of(offer.parts):
+        if known and not moved_parts(offer.parts, parts):
             return Reuse(offer.host, offer.output_digest, certain=action.certain)
         if not known and _without_inputs(parts) == _without_inputs(offer.parts):
             return Reuse(offer.host, offer.output_digest, certain=False)
@@ -244,7 +243,7 @@ def _reuse(
 
 
 def _without_inputs(parts: Mapping[str, str]) -> dict[str, str]:
-    return {name: value for name, value in parts.items() if not name.startswith("input.")}
+    return {name: value for name, value in parts.items() if not input_of(name)}
 
 
 # Which tools come, go or are only called something else, between what the endpoint offers and what INTERFACE has.

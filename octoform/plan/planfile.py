@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
-from octoform.graph.model import Graph, Node, key_of, key_parts
+from octoform.graph.model import HARDWARE, Graph, Node, input_of, key_of, key_parts, moved_parts
 from octoform.plan import model
 from octoform.plan.diff import Observed, Prior
 from octoform.plan.model import Action, Plan
@@ -79,7 +79,7 @@ def _unit(name: str, graph: Graph, moving: set[str], prior: Mapping[str, Prior],
 def _known_parts(node: Node, moving: set[str], prior: Mapping[str, Prior], observed: Observed) -> dict[str, str]:
     outputs = {name: prior[name].output_digest if name in prior else "" for name in node.consumes}
     parts = key_parts(node, outputs, observed.fingerprint)
-    return {part: value for part, value in parts.items() if part.removeprefix("input.") not in moving}
+    return {part: value for part, value in parts.items() if input_of(part) not in moving}
 
 
 def _run(before: Prior) -> str:
@@ -93,10 +93,9 @@ def moved(saved: PlanFile, graph: Graph, prior: Mapping[str, Prior], observed: O
     out = []
     for name, unit in saved.units.items():
         now = _unit(name, graph, moving, prior, observed)
-        for part in sorted(set(unit.parts) | set(now.parts)):
-            if unit.parts.get(part) != now.parts.get(part):
-                text = "; ".join(observed.hardware) if part == "hardware" else ""
-                out.append(Moved(name, part, unit.parts.get(part), now.parts.get(part), text))
+        for part in moved_parts(unit.parts, now.parts):
+            text = "; ".join(observed.hardware) if part == HARDWARE else ""
+            out.append(Moved(name, part, unit.parts.get(part), now.parts.get(part), text))
         if unit.prior != now.prior:
             out.append(Moved(name, "state", unit.prior, now.prior))
         if unit.file != now.file:

@@ -8,10 +8,12 @@ import os
 import shutil
 from collections.abc import Iterator, Mapping
 from pathlib import Path, PurePosixPath
+from typing import Any
 
 from octoform.base import digest
 from octoform.base.files import TEMPORARY, create, publish, sync_folder
 from octoform.diagnostics import Diagnostic
+from octoform.graph.model import key_of
 from octoform.records import dataclass
 from octoform.state.files import (
     Checkpoint,
@@ -39,6 +41,11 @@ class FileFacts:
     digest: str | None
     is_link: bool
     problem: Diagnostic | None = None
+
+
+def keyed(parts: Mapping[str, str]) -> dict[str, Any]:
+    """The members of an accepted node's state about its inputs: their hash, and the parts that it is over."""
+    return {"key": key_of(parts), "key_parts": dict(parts)}
 
 
 class _LinkError(Exception):

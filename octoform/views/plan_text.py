@@ -6,7 +6,7 @@ Privileged steps as words: they move hardware, so a plan states what, and why on
 from collections.abc import Iterable, Sequence
 
 from octoform.base import digest
-from octoform.graph.model import ANSWER, STEP
+from octoform.graph.model import ANSWER, HARDWARE, STEP, input_of
 from octoform.patterns import regex
 from octoform.plan.model import Action, Cause, Change, Plan, PlannedAction, Reason, Reuse, StepOutlook
 from octoform.records import dataclass
@@ -199,7 +199,7 @@ def reasons(plan: Plan, item: PlannedAction) -> list[str]:
     if plan.operation == "destroy":
         return []
     items = [_reason(plan, item, one) for one in item.reasons if one.cause is not Cause.UPSTREAM]
-    waits = [(one.part or "").removeprefix("input.") for one in item.reasons if one.cause is Cause.UPSTREAM]
+    waits = [input_of(one.part or "") for one in item.reasons if one.cause is Cause.UPSTREAM]
     return [*items, f"only if the output of {listed(waits, 'or')} comes out different"] if waits else items
 
 
@@ -220,13 +220,13 @@ def _reason(plan: Plan, action: PlannedAction, item: Reason) -> str:
 
 def _changed(plan: Plan, action: PlannedAction, item: Reason) -> str:
     part = item.part or ""
-    if part == "hardware":
+    if part == HARDWARE:
         return f"hardware: {_moved(plan)}"
     if part == "spec":
         return f"spec: protocol/{spec(action.node)} changed ({show(item.before)} -> {show(item.after)})"
     if part.startswith(ANSWER):
         return f"answer {part.removeprefix(ANSWER)}: {_answer_text(item)}"
-    label = f"output of {part.removeprefix('input.')}" if part.startswith("input.") else part.replace(".", " ", 1)
+    label = f"output of {made}" if (made := input_of(part)) else part.replace(".", " ", 1)
     if not _is_digest(item.before) and not _is_digest(item.after):
         from octoform.graph.compile import SCOPE, in_force  # only a changed setting pays for it
 

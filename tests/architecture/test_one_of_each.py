@@ -32,6 +32,8 @@ IDEAS = {
     "a lock on a file": (r"\b(?:flock|lockf)\(", "base/locks.py"),
     "a token of a JSON pointer": (r"'~0'", "base/pointer.py"),
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
+    "the key part of a consumed output": (r"'input\.'|f'input\.\{", "graph/model.py"),
+    "the hash of a node's inputs in its state": (r"(?:'key': |\bkey=)\w*\.?key_of\(", "state/accepted.py"),
     "the way back from a stage": (r"'deploy': 'serve'\}|'deploy': \w+\('serve'", "graph/compile.py"),
     "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),
 }
@@ -41,7 +43,7 @@ SERVED = re.compile(r"\b(?:fastmcp|pydantic|opencv-python-headless|pyserial|typi
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
-    r"|boot_id|['\"]deploy['\"]: |\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
+    r"|boot_id|['\"]deploy['\"]: |key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
 )
 
 

@@ -7,10 +7,8 @@ that is killed from then on is finished by the next one.
 """
 
 import shutil
-from collections.abc import Mapping
 from dataclasses import asdict, replace
 from pathlib import Path
-from typing import Any
 
 from octoform import events
 from octoform.apply import file_integrity, protected_paths
@@ -25,10 +23,10 @@ from octoform.endpoint.client.check import judge_check
 from octoform.endpoint.environment.build import build
 from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.published_files import CHECK
-from octoform.graph.model import Graph, Node, NodeKind, key_of
+from octoform.graph.model import Graph, Node, NodeKind, renewed
 from octoform.harness.port import Task
 from octoform.records import dataclass
-from octoform.state.accepted import accept, file_digest
+from octoform.state.accepted import accept, file_digest, keyed
 from octoform.state.artifact_cache import keep_accepted
 from octoform.state.files import Checkpoint, pass_by, read_regular, spending, write_atomic
 from octoform.state.layout import Layout
@@ -206,23 +204,16 @@ def _renew(layout: Layout, store: StateStore, graph: Graph, adoption: Adoption) 
         known = store.snapshot.nodes.get(node.name)
         if known is None or known.status is not Status.ACCEPTED or node.name == MAKER:
             continue
-        parts = {name: _moved(name, value, moved) for name, value in known.key_parts.items()}
+        parts = renewed(known.key_parts, moved)
         if parts == known.key_parts:
             continue
         output = _endpoint_digest(layout, store, node) if node.kind is NodeKind.ENDPOINT else known.output_digest
         moved[node.name] = (known.output_digest, output)
-        update: dict[str, Any] = {"key": key_of(parts), "key_parts": parts, "output_digest": output}
-        found = store.success(node.name, known.model_copy(update=update))
+        after = known.model_copy(update={**keyed(parts), "output_digest": output})
+        found = store.success(node.name, after)
         if has_errors(found):
             return found
     return []
-
-
-def _moved(part: str, value: str, moved: Mapping[str, tuple[str, str]]) -> str:
-    before, after = (
-        moved.get(part.removeprefix("input."), (None, value)) if part.startswith("input.") else (None, value)
-    )
-    return after if value == before else value
 
 
 def _endpoint_digest(layout: Layout, store: StateStore, node: Node) -> str:

@@ -21,6 +21,7 @@ from octoform.apply.stage.secret_scan import leaked, masked, without_secrets
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.compile import RETURNS
+from octoform.graph.model import input_of, moved_parts
 from octoform.harness.port import ExitReason, Outcome, Task
 from octoform.records import dataclass
 from octoform.state.accepted import file_digest
@@ -121,9 +122,8 @@ def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | No
     former = read_regular(context.layout.output(stage))[0]
     if former is None or file_digest(context.layout, stage) != known.file_digest:
         return None
-    names = sorted({*known.key_parts, *parts})
-    moved = [(name, known.key_parts.get(name), parts.get(name)) for name in names]
-    lines = [line for name, before, after in moved if before != after for line in _moved(context, name, before, after)]
+    pairs = [(name, known.key_parts.get(name), parts.get(name)) for name in moved_parts(known.key_parts, parts)]
+    lines = [line for name, before, after in pairs for line in _moved(context, name, before, after)]
     more = [f"and {len(lines) - MAX_CHANGES} more"] if len(lines) > MAX_CHANGES else []
     return Failed((), None, context.specs[stage].text, former, changed=(*lines[:MAX_CHANGES], *more))
 
@@ -131,7 +131,7 @@ def rerun(context: Context, stage: str, parts: Mapping[str, str]) -> Failed | No
 def _moved(context: Context, part: str, before: str | None, after: str | None) -> Iterator[str]:
     """The changes in one part of a stage's input, a line for each member of an artifact."""
     kind, _, name = part.partition(".")
-    if kind != "input":
+    if not input_of(part):
         how = "is new" if before is None else "is no longer there" if after is None else "is another one"
         yield f"{kind} {name} {how}" if name else f"the {kind} {how}"
         return

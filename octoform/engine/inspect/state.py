@@ -15,11 +15,11 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation, look
 from octoform.engine.plan.refresh import verify as verify_artifact
 from octoform.engine.tools import layout_of
-from octoform.graph.model import key_of, key_parts
+from octoform.graph.model import key_parts
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
 from octoform.records import dataclass
-from octoform.state.accepted import file_digest
+from octoform.state.accepted import file_digest, keyed
 from octoform.state.files import read_regular
 from octoform.state.layout import STAGES, STEP
 from octoform.state.model import NodeState, Snapshot, Status
@@ -154,8 +154,7 @@ def _adopted(opened: Found, state: NodeState, situation: Situation, name: str) -
     parts = key_parts(node, outputs, situation.fingerprint.digest)
     value: Any = situation.artifacts.get(name)
     changed = {
-        "key": key_of(parts),
-        "key_parts": parts,
+        **keyed(parts),
         "output_digest": output_digest(name, value, compiled.schemas) if value is not None else state.output_digest,
         "file_digest": file_digest(compiled.layout, name) or "",
         "accepted_at": Clock().stamp(),

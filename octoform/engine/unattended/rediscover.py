@@ -26,7 +26,7 @@ from octoform.engine.apply.apply import Options, apply
 from octoform.engine.apply.rollback import Former, forget, go_back, keep, remember, taken_back
 from octoform.engine.plan.plan import Outlook, Request, prepare
 from octoform.engine.results import RunResult, Unwatched
-from octoform.graph.model import STEP, key_parts
+from octoform.graph.model import HARDWARE, STEP, input_of, key_parts, moved_parts
 from octoform.harness.port import Usage
 from octoform.host import root_from_environment, settle
 from octoform.manifest.model import MODEL_FREE, Manifest
@@ -96,7 +96,6 @@ def _dollars(manifest: Manifest, dear: list[PlannedAction]) -> float | None:
 
 AUTO = "auto"
 LOCK_SECONDS = 60.0
-HARDWARE = "hardware"
 NO_CAP = Left()
 _OURS = frozenset({Cause.UPSTREAM, Cause.ENDPOINT, Cause.FAILED, Cause.INTERRUPTED, Cause.INSTANCES_GONE})
 """Reasons that no person's edit is behind."""
@@ -186,10 +185,8 @@ def _others(outlook: Outlook, item: PlannedAction) -> Iterator[str]:
     now = key_parts(node, dict.fromkeys(node.consumes, ""), None)
     ignored = frozenset(outlook.compiled.manifest.lifecycle.ignore)
     names = {reason.part for reason in item.reasons}
-    for part in sorted({*now, *known.key_parts}):
-        if part == HARDWARE or part.startswith("input.") or part in ignored or part in names:
-            continue
-        if now.get(part) != known.key_parts.get(part):
+    for part in moved_parts(known.key_parts, now):
+        if part != HARDWARE and not input_of(part) and part not in ignored and part not in names:
             yield f"changed {part}"
 
 

@@ -3,7 +3,18 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.graph.model import Graph, Node, NodeKind, key_of, key_parts, to_dot, to_mermaid
+from octoform.graph.model import (
+    Graph,
+    Node,
+    NodeKind,
+    input_of,
+    key_of,
+    key_parts,
+    moved_parts,
+    renewed,
+    to_dot,
+    to_mermaid,
+)
 
 CHAIN = Graph(
     (
@@ -39,6 +50,18 @@ def test_a_key_moves_exactly_when_a_part_moves(parts: dict[str, str], data: st.D
     name = data.draw(st.sampled_from(sorted(parts)))
     assert key_of({**parts, name: parts[name] + "x"}) != key_of(parts)
     assert key_of({key: value for key, value in parts.items() if key != name}) != key_of(parts)
+
+
+def test_which_parts_moved_and_which_are_inputs() -> None:
+    before, now = {"spec": "s1", "input.probe": "a", "model": "m"}, {"spec": "s2", "input.probe": "a", "answer.x": "y"}
+    assert moved_parts(before, now) == ["answer.x", "model", "spec"]
+    assert [input_of(part) for part in before] == ["", "probe", ""]
+
+
+def test_what_was_verified_again_has_the_new_output_where_it_had_the_former_one() -> None:
+    parts = {"spec": "old", "input.serve": "old", "input.deploy": "older", "input.probe": "old"}
+    after = renewed(parts, {"serve": ("old", "new"), "deploy": ("old", "new")})
+    assert after == {**parts, "input.serve": "new"}
 
 
 def test_upstream_and_downstream_follow_the_edges() -> None:
