@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -18,6 +19,8 @@ from octoform.daemon.store.memory import Memory
 from octoform.manifest.model import Daemon
 from octoform.state.layout import Layout
 
+FORMER = Path(__file__).with_name("former_incidents.jsonl")
+"""Incidents as the first version of the format had them; never written again."""
 STAMP = "2026-11-22T12:00:00.000Z"
 FINDING = Finding(Kind.FILE_DAMAGED, FaultClass.CORRUPTED_FILE, "file:a", "a is gone", ("a", "gone"), Repair.RESTORE)
 
@@ -299,3 +302,26 @@ def test_numbers_that_are_none_and_lines_without_end_end_nobody(shelf: Shelf) ->
     assert memory.episodes.open == {}
     assert memory.purse.spent(10.0, STAMP).calls == Daemon().calls_per_hour  # unknown, so all of it
     assert memory.breakers.of("k").tries == 0
+
+
+def holds(now: Any, former: Any) -> bool:
+    """Whether a value has all that the former one had; members may have come."""
+    if isinstance(former, dict):
+        return isinstance(now, dict) and all(name in now and holds(now[name], value) for name, value in former.items())
+    if isinstance(former, list):
+        return len(now) == len(former) and all(map(holds, now, former))
+    return bool(now == former)
+
+
+def test_a_record_of_a_former_version_is_read_and_written_with_all_that_it_has(shelf: Shelf) -> None:
+    former = FORMER.read_bytes()
+    shelf.path("episodes.jsonl").write_bytes(former)
+    found = incidents.read(shelf)
+    assert shelf.new_diagnostics() == ()
+    kept = [json.loads(json.dumps(incidents.to_json(each))) for each in found]
+    assert all(map(holds, kept, map(json.loads, former.splitlines()))) and len(kept) == 4
+    assert [(made.repair, made.ok) for made in found[2].tries] == [("watch", True), *[("heal", False)] * 3]
+    later = Incidents(shelf, "b1")
+    later.load()
+    later.save()
+    assert incidents.read(shelf) == found
