@@ -1,4 +1,4 @@
-"""What goes into an agent's background task, and how the task ended: both as they cross to the other process.
+"""What goes into an agent's background task, as it crosses to the other process.
 
 What an agent may read of the daemon's knowledge is checked, bounded in bytes, and without anything that acts as text. A
 brief comes from another process and holds words of devices and tools. What is not of the right form is omitted and
@@ -12,10 +12,9 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any
 
-from octoform.apply.stage.acceptance import Finished
 from octoform.base import clock
 from octoform.base.escaping import escaped
-from octoform.diagnostics import Diagnostic, Severity
+from octoform.diagnostics import Diagnostic
 from octoform.endpoint.logs import CALLS, Line, Logs, logs_of
 from octoform.harness.llm.completion import Completion
 from octoform.harness.port import Usage
@@ -36,11 +35,6 @@ FRAME_CHANNEL = "frame"
 CHANNELS = ("log", FRAME_CHANNEL, "sensor", "kernel", "process")
 
 Row = dict[str, Any]
-DETAIL_CHARACTERS = 600
-HOPELESS = frozenset(
-    {"APPLY-AUTH", "APPLY-MODEL-REFUSED", "APPLY-PRICE-UNKNOWN", "APPLY-PROMPT-TOO-LARGE", "DUTY-NOT-APPLIED"}
-)
-"""Refusals that another try only meets again; those of a harness (HARNESS-...) too."""
 
 
 def readings_of(brief: Mapping[str, Any]) -> list[Row]:
@@ -358,50 +352,3 @@ def _absent(record: Record | None) -> str | None:
     if current is None:
         return "there is no picture"
     return f"the picture shows nothing: it is {current.problem}" if current.problem else None
-
-
-@dataclass(frozen=True, slots=True)
-class DutyOutcome:
-    """``ok``: it did what it was asked. ``again``: another try may end otherwise. ``detail`` is for a person.
-
-    ``report`` is the accepted output (None: there is none, and nothing is known), ``action`` what HEAL wants done by
-    others, ``changed``: another server is accepted than before. ``calls`` counts the agent's runs.
-    """
-
-    ok: bool
-    detail: str
-    again: bool = True
-    report: Mapping[str, Any] | None = None
-    action: str | None = None
-    changed: bool = False
-    calls: int = 0
-    usage: Usage = field(default_factory=Usage)
-
-    def to_document(self) -> dict[str, Any]:
-        """As JSON."""
-        usage = self.usage
-        spent = {
-            "calls": self.calls,
-            "input_tokens": usage.input_tokens or 0,
-            "output_tokens": usage.output_tokens or 0,
-            # A call of unknown price is not free.
-            "usd": usage.cost_usd if usage.cost_usd is not None or self.calls else 0.0,
-        }
-        return {
-            "ok": self.ok,
-            "detail": escaped(self.detail)[:DETAIL_CHARACTERS],
-            "again": self.again,
-            "spent": spent,
-            "report": dict(self.report) if self.report is not None else None,
-            "action": self.action,
-            "changed": self.changed,
-        }
-
-
-def refusal(found: Iterable[Diagnostic], finished: Finished | None = None) -> DutyOutcome:
-    """Why there is no accepted output."""
-    errors = [item for item in found if item.severity is Severity.ERROR]
-    text = "; ".join(f"{item.code}: {item.summary}" for item in errors[:3]) or "nothing was accepted"
-    again = not any(item.code in HOPELESS or item.code.startswith("HARNESS-") for item in errors)
-    calls, usage = (finished.attempts, finished.usage) if finished is not None else (0, Usage())
-    return DutyOutcome(ok=False, detail=text, again=again, calls=calls, usage=usage)

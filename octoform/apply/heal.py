@@ -13,7 +13,7 @@ from typing import Any
 from octoform import events
 from octoform.apply import duty
 from octoform.apply.context import HEALED, Context, accepted
-from octoform.apply.duty import DutyOutcome, refusal
+from octoform.apply.repair_outcome import WAITS, RepairOutcome, RepairVerdict
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.apply.rewrite.pending_rewrite import Rewrite
 from octoform.apply.rewrite.review import Reach, objections, reach_of
@@ -23,7 +23,7 @@ from octoform.apply.stage.assignment import Judge, Prove
 from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.stage.serve_proof import Judge as CheckJudge
-from octoform.apply.watch import ALL, Given, assignment, calls_of, judge_of, log_excerpt, paid
+from octoform.apply.watch import ALL, Given, assignment, calls_of, cost_of, judge_of, log_excerpt, paid
 from octoform.base import digest
 from octoform.base.escaping import display as shown_text
 from octoform.base.files import move, read_plain, record
@@ -173,7 +173,7 @@ class Proposal:
     server: str | None
 
 
-def heal(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
+def heal(context: Context, brief: Mapping[str, Any]) -> RepairOutcome:
     """Ask the agent of HEAL and try what it proposes; blocking, and never raises for what an agent does."""
     case = _case(context, brief)
     given = _given(context, case, brief)
@@ -186,7 +186,7 @@ def heal(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
         raise
     finished = paid(context, HEAL, finished, given)
     if not finished.verdict.accepted:
-        return refusal(finished.verdict.diagnostics, finished)
+        return RepairOutcome.of_diagnostics(finished.verdict.diagnostics, cost_of(finished))
     if finished.verdict.rewritten is not None:
         if moves := _actuated(case, finished.verdict.value):
             return _waiting(context, case, finished, ", ".join(moves))
@@ -195,43 +195,44 @@ def heal(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
             promotion.put_back(context, smoke=False) if found else _adopted(context, case, finished.verdict.rewritten)
         )
         if has_errors(found):
-            return refusal(found, finished)
+            return RepairOutcome.of_diagnostics(found, cost_of(finished))
     return _answer(finished)
 
 
-def confirm(context: Context, rewrite: Rewrite) -> DutyOutcome:
+def confirm(context: Context, rewrite: Rewrite) -> RepairOutcome:
     """Put a rewrite in service that a person has read; a server that does not come up with it is taken back."""
     known = artifacts(context, ALL, None)
     if known.serve != rewrite.base:
-        return DutyOutcome(
-            ok=False, detail="the server was made again since; the rewrite is of another one", again=False
-        )
+        text = "the server was made again since; the rewrite is of another one"
+        return RepairOutcome.refused("confirm.other-server", text, again=False)
     case = Case(rewrite.episode, rewrite.target, {"tool": rewrite.tool}, Reach(frozenset(), ()), known)
     found = [*_stopped(context)]
     found += [] if found else _adopted(context, case, rewrite.source)
     if has_errors(found):
-        return refusal(found)
+        return RepairOutcome.of_diagnostics(found)
     problem = pending_rewrite.forget(context.layout, rewrite.id)
     note = "" if problem is None else f"; {problem.summary}"
-    return DutyOutcome(ok=True, detail=f"the rewrite {rewrite.id} is in service{note}", changed=True)
+    return RepairOutcome.done("confirm.served", f"the rewrite {rewrite.id} is in service{note}", changed=True)
 
 
-def roll_back(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
+def roll_back(context: Context, brief: Mapping[str, Any]) -> RepairOutcome:
     """Make the server the accepted one again that an incident's repair has replaced; asking twice does it once."""
     episode, reason = str(brief.get("episode") or ""), str(brief.get("reason") or "")
     healed = read(context.layout, episode)
     now = context.store.snapshot.nodes[promotion.MAKER].output_digest
     if healed is None:
-        return DutyOutcome(ok=False, detail=f"no repair of the incident {episode} is known", again=False)
+        return RepairOutcome.refused("roll_back.unknown", f"no repair of the incident {episode} is known", again=False)
     if now == healed.base:
-        return DutyOutcome(ok=True, detail="the former server is the accepted one")
+        return RepairOutcome.done("roll_back.former", "the former server is the accepted one")
     if now != healed.digest:
-        return DutyOutcome(ok=False, detail="the server was made again since the repair; it stays", again=False)
+        text = "the server was made again since the repair; it stays"
+        return RepairOutcome.refused("roll_back.other-server", text, again=False)
     context.emit(events.Notice(HEAL, f"the former server comes back: {reason or 'the repair is taken back'}"))
     found = promotion.adopt(context, HEAL, healed.source, smoke=False)
     if has_errors(found):
-        return replace(refusal(found), changed=context.store.snapshot.nodes[promotion.MAKER].output_digest != now)
-    return DutyOutcome(ok=True, detail="the former server is the accepted one again", changed=True)
+        changed = context.store.snapshot.nodes[promotion.MAKER].output_digest != now
+        return RepairOutcome.of_diagnostics(found, changed=changed)
+    return RepairOutcome.done("roll_back.former", "the former server is the accepted one again", changed=True)
 
 
 def _actuated(case: Case, value: Mapping[str, Any]) -> tuple[str, ...]:
@@ -240,7 +241,7 @@ def _actuated(case: Case, value: Mapping[str, Any]) -> tuple[str, ...]:
     return pending_rewrite.actuated(str(case.known.serve), interface, frozenset(value["functions"]))
 
 
-def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> DutyOutcome:
+def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> RepairOutcome:
     """The rewrite is kept for a person, and nothing of it was tried."""
     source = str(finished.verdict.rewritten)
     rewrite = Rewrite(
@@ -255,11 +256,11 @@ def _waiting(context: Context, case: Case, finished: Finished, moves: str) -> Du
     )
     problem = pending_rewrite.keep(context.layout, rewrite)
     if problem is not None:
-        return refusal([problem], finished)
+        return RepairOutcome.of_diagnostics([problem], cost_of(finished))
     waits = pending_rewrite.waits(rewrite)
     context.emit(events.Notice(HEAL, f"{waits.summary}: {waits.hint}"))
-    found = refusal([waits], finished)
-    return replace(found, detail=f"{found.detail}; {waits.hint}", again=False)
+    found = RepairOutcome.of_diagnostics([waits], cost_of(finished), verdict=RepairVerdict.REFUSED, again=False)
+    return found.because(WAITS, str(waits.hint))
 
 
 def _stopped(context: Context) -> list[Diagnostic]:
@@ -406,17 +407,15 @@ def _adopted(context: Context, case: Case, source: str) -> list[Diagnostic]:
     return found
 
 
-def _answer(finished: Finished) -> DutyOutcome:
+def _answer(finished: Finished) -> RepairOutcome:
     verdict = finished.verdict
     value = verdict.value
-    repaired = value["status"] == "repaired"
-    return DutyOutcome(
-        ok=repaired,
-        detail=f"{value['status']}: {value['reason']}",
-        again=repaired,
+    made = RepairOutcome.done if value["status"] == "repaired" else RepairOutcome.failed
+    return made(
+        f"heal.{value['action']}",
+        f"{value['status']}: {value['reason']}",
+        again=value["status"] == "repaired",
         report=value,
-        action=value["action"] if repaired else None,
         changed=verdict.rewritten is not None,
-        calls=finished.attempts,
-        usage=finished.usage,
+        cost=cost_of(finished),
     )

@@ -12,7 +12,8 @@ from typing import Any
 from octoform import events
 from octoform.apply import duty
 from octoform.apply.context import Context
-from octoform.apply.duty import DutyOutcome, LogSlice, camera_frames, refusal, slice_of
+from octoform.apply.duty import LogSlice, camera_frames, slice_of
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.apply.stage.acceptance import Finished, Verdict, artifacts, digest_of, display, read_value
 from octoform.apply.stage.artifact_writer import text_of
 from octoform.apply.stage.assignment import Assignment, Judge, Prove, of_stage
@@ -48,22 +49,22 @@ class Given:
     calls: int | None = None
 
 
-def watch(context: Context, brief: Mapping[str, Any]) -> DutyOutcome:
+def watch(context: Context, brief: Mapping[str, Any]) -> RepairOutcome:
     """Ask the agent of WATCH; blocking, within its budget, and never raises for what an agent does."""
     known = artifacts(context, ALL, None)
     given = _given(context, known, brief)
     finished = fulfil(context, assignment(context, WATCH, given, judge_of(known, given), _prove))
     finished = paid(context, WATCH, finished, given)
     if not finished.verdict.accepted:
-        return refusal(finished.verdict.diagnostics, finished)
+        return RepairOutcome.of_diagnostics(finished.verdict.diagnostics, cost_of(finished))
     report = finished.verdict.value
-    return DutyOutcome(
-        ok=True,
-        detail=f"{report['status']}: {report['summary']}",
-        report=report,
-        calls=finished.attempts,
-        usage=finished.usage,
-    )
+    text = f"{report['status']}: {report['summary']}"
+    return RepairOutcome.done("watch.report", text, report=report, cost=cost_of(finished))
+
+
+def cost_of(finished: Finished) -> Cost:
+    """What the runs of an agent have cost."""
+    return Cost.of(finished.attempts, finished.usage)
 
 
 def assignment(context: Context, duty: str, given: Given, judge: Judge, prove: Prove) -> Assignment:

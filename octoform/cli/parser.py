@@ -259,8 +259,7 @@ def _daemon(commands: Commands) -> None:
     watch = add(commands, "watch", "keep the deployment working: detect faults and repair them")
     flag(watch, "once", "run one check cycle with all repairs that are due, then exit")
     _ends(watch, f"exit codes:\n{_OF_WATCH}")
-    health = add(commands, "health", "show the health of the deployment, each problem, and what to do")
-    _ends(health, _CODES.format(""))
+    _ends(add(commands, "health", "show the health of the deployment, each problem, and what to do"), _CODES.format(""))
     heal = add(commands, "heal", "check and repair now; list the problems that were given up")
     text = "try again to repair TARGET, such as endpoint or tool:move_rail; `all` for everything"
     value(heal, "retry", "TARGET", text)
@@ -275,7 +274,8 @@ def _daemon(commands: Commands) -> None:
     flag(confirm, "auto-approve", "do not ask")
     add(commands, "pause", "pause the daemon's repairs until `resume`; it goes on observing")
     add(commands, "resume", "resume the daemon's repairs")
-    incidents = add(commands, "incidents", "list what went wrong, how often, and how long it lasted")
+    incidents = add(commands, "incidents", "list what went wrong, how often, and how long it lasted; or show one")
+    incidents.add_argument("show", metavar="show N", nargs="*", help="show incident N, with the reasons of its repairs")
     value(incidents, "n", "COUNT", "show the latest COUNT incidents", default="20")
 
 

@@ -4,14 +4,14 @@ Direct observation comes first: a claim counts only while the newest reading of 
 and no agent's word makes anything healthy. What cannot report is ``unknown``, no matter who disabled it.
 """
 
-from collections.abc import Iterable, Mapping
-from dataclasses import field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import field, replace
 from typing import Any, Protocol
 
 from octoform.base.files import record
 from octoform.claims.model import Claim, Reading, Signal, State, holds
-from octoform.daemon.model import Facts, Kind, Outcome, Status
-from octoform.daemon.signals import Silence, answered, newest, reporting, silent
+from octoform.daemon.model import Facts, Finding, Kind, Outcome, Status
+from octoform.daemon.signals import Silence, answered, newest, reporting, silent, unread
 from octoform.endpoint.drift import OTHER_TOOLS
 from octoform.records import dataclass
 
@@ -252,3 +252,75 @@ def worse(before: HealthSnapshot, after: HealthSnapshot) -> str | None:
         if times and not before.failing.get(name):
             return f"{name} fails, which it did not before"
     return None
+
+
+# HEAL on probation: what it changed counts only once everything has been read again, and nothing reads worse. Light.
+#
+# The health before the repair is compared at each look, from the end of the repair until all that is promised to
+# report has been read once more after it. The readings that the repair itself asks for are the first, and not enough. A
+# device that somebody unplugs meanwhile, and a process that ends once, prove nothing against a rewritten function:
+# they are waited for.
+
+MAX_ENDS = 2
+"""Ends of the endpoint's process during a probation at which the repair is taken for their cause."""
+_AFTER = 0.001
+"""Seconds: readings of the very moment in which the repair ended are its own."""
+
+
+@dataclass(slots=True)
+class Tried:
+    """A repair on probation: its problem, the health before it, since when (uptime), in which process."""
+
+    finding: Finding
+    before: HealthSnapshot
+    since: float
+    process: str | None
+    ends: int = 0
+
+
+@dataclass(slots=True)
+class Probation:
+    """The repairs of HEAL that no one knows yet to hold, by the key of their problem."""
+
+    tried: dict[str, Tried] = field(default_factory=dict)
+
+    def begin(self, key: str, finding: Finding, before: HealthSnapshot, facts: Facts) -> None:
+        """A repair has ended, by its own word well."""
+        self.tried[key] = Tried(finding, before, facts.uptime + _AFTER, _instance(facts))
+
+    def judge(
+        self, facts: Facts, now: HealthSnapshot, promised: Callable[[], Iterable[Signal]], readings: Iterable[Reading]
+    ) -> list[tuple[Finding, str]]:
+        """The repairs after which something is worse, and what; those that have held are on probation no more."""
+        found, known = [], tuple(readings)
+        for key, tried in list(self.tried.items()):
+            why = _worse(tried, facts, now)
+            if why is not None:
+                found.append((tried.finding, why))
+            elif not _settled(tried, facts) or unread(promised(), known, tried.since):
+                continue
+            del self.tried[key]
+        return found
+
+
+def _worse(tried: Tried, facts: Facts, now: HealthSnapshot) -> str | None:
+    process = _instance(facts)
+    if process is not None and process != tried.process:
+        tried.ends += tried.process is not None
+        tried.process, tried.since = process, max(tried.since, facts.uptime + _AFTER)
+    if tried.ends >= MAX_ENDS:
+        return f"the endpoint's process ended {tried.ends} times"
+    if not _settled(tried, facts):
+        return None
+    # A missing reading of an absent device is no evidence; a tool that fails for it is known by its error elsewhere.
+    return worse(replace(tried.before, there=frozenset()), now)
+
+
+def _settled(tried: Tried, facts: Facts) -> bool:
+    """Whether the deployment can be compared now: the process is there, and so are the devices that were."""
+    there = {name for name, each in facts.devices.items() if each.there}
+    return facts.process is not None and facts.answers is not False and tried.before.there <= there
+
+
+def _instance(facts: Facts) -> str | None:
+    return facts.process.instance if facts.process is not None else None

@@ -13,21 +13,22 @@ from types import FrameType
 from typing import Any
 
 import octoform
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.files import write_all
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.claims.settings import Settings, settings_of
 from octoform.daemon import metrics, notices
-from octoform.daemon.model import Done, Finding, Ports, Repair, Status
+from octoform.daemon.model import Finding, Ports, Repair, Status
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
 from octoform.daemon.observe.observer import Looker, busy, open_look
 from octoform.daemon.observe.samples import Frames, Sensors
-from octoform.daemon.reconcile.repair_policy import Beside
+from octoform.daemon.reconcile.bench import Beside
 from octoform.daemon.reconcile.supervisor import Cycle, Supervisor, View
-from octoform.daemon.repair.repairer import SETTLE_SECONDS, Agents, Repairs
+from octoform.daemon.repair.playbook import SETTLE, SETTLE_SECONDS, Means, carry_out
 from octoform.daemon.repair.restart import restart
-from octoform.daemon.repair.worker_port import Workers
+from octoform.daemon.repair.worker import Workers
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.memory import Memory
 from octoform.diagnostics import Diagnostic, error
@@ -100,13 +101,13 @@ def compose(wanted: Wanted, environ: Mapping[str, str], workers: Workers, view: 
     claims = _claims(wanted)
     ledger, maker = Ledger.open(layout, clock, claims), Ledger(layout, clock, claims)
     notifier = notices.open_notifier(layout, settings.notify, environ)
-    plain = Repairs(layout.host, workers.run, settings.apply, lambda hung: restart(layout, hung=hung))
+    means = Means(layout.host, workers.run, settings.apply, lambda hung: restart(layout, hung=hung))
     sensors = Sensors(layout, maker.make)
     ports = Ports(
         clock=clock,
         sources=sources,
         look=looker,
-        repair=_starting(Agents(layout.host, workers.run, plain), looker),
+        repair=_repairing(means, looker),
         sample=_sampling(wanted, sensors, maker, workers),
         promised=lambda: sensors.promised() | (_PICTURE if wanted.looks else frozenset()),
         notify=notifier,
@@ -125,14 +126,14 @@ def _claims(wanted: Wanted) -> Settings:
     return replace(found, shut=lambda: busy(wanted.layout) is not None)
 
 
-def _starting(repair: Callable[[Finding, Repair], Done], looker: Looker) -> Callable[[Finding, Repair], Done]:
+def _repairing(means: Means, looker: Looker) -> Callable[[Finding, Repair], RepairOutcome]:
     """Repairs whose starts are known to anyone who looks: why the last one failed is a fact like any other."""
 
-    def made(finding: Finding, wanted: Repair) -> Done:
-        found = repair(finding, wanted)
-        if wanted is Repair.RESTART:
-            looker.start_failed = None if found.ok else found.detail
-        return found
+    def made(finding: Finding, repair: Repair) -> RepairOutcome:
+        outcome = carry_out(finding, repair, means)
+        if repair is Repair.RESTART:
+            looker.start_failed = None if outcome.ok else outcome.detail
+        return outcome
 
     return made
 
@@ -348,9 +349,10 @@ def _log_entries(made: Cycle) -> Iterator[dict[str, object]]:
     fields = {"time": made.facts.stamp, "from": "daemon"}
     for episode in made.opened:
         yield {"event": "noticed", **fields, "target": episode.target, "summary": episode.summary}
+    for episode, refusal in made.refused:
+        yield {"event": "repair_refused", **fields, "target": episode.target, **refusal.summary()}
     for episode, tried in made.tried:
-        ended = {"repair": tried.repair, "ok": tried.ok, "detail": tried.detail[:300], "seconds": tried.seconds}
-        yield {"event": "repair_end", **fields, "target": episode.target, **ended}
+        yield {"event": "repair_end", **fields, "target": episode.target, **tried.summary()}
     for task in made.begun:
         if task.finding is not None and task.repair is not None:
             yield {"event": "repair_start", **fields, "target": task.finding.target, "repair": task.repair.value}
@@ -423,7 +425,7 @@ def _run(
                 f"cannot be read, so what it was before counts: {result.detail or result.summary}"
             )
         if stopping.number is None and is_left(found.layout) and busy(found.layout) is None:
-            workers.run("settle", {"host": found.layout.host}, SETTLE_SECONDS)
+            workers.run(SETTLE, {"host": found.layout.host}, SETTLE_SECONDS)
         if stopping.number is None:
             composed.supervisor.run(once)
     finally:

@@ -111,7 +111,7 @@ def _work(episodes: Iterable[Incident]) -> Iterator[tuple[str, str, tuple[str, .
     for each in episodes:
         for made in each.tries:
             tries[made.repair, "ok" if made.ok else "failed"] += 1
-            seconds[made.repair,] = seconds.get((made.repair,), 0.0) + made.seconds
+            seconds[made.repair,] = seconds.get((made.repair,), 0.0) + (made.seconds or 0.0)
         calls += each.spent.calls
         tokens["input",] += each.spent.input_tokens
         tokens["output",] += each.spent.output_tokens

@@ -10,6 +10,7 @@ from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.digest import of_value, short
 from octoform.claims.model import Reading, Signal
 from octoform.endpoint.logs import LoggedCall
@@ -227,36 +228,6 @@ class Finding:
 
 
 @dataclass(frozen=True, slots=True)
-class Spent:
-    """The cost of agents: calls as a count, tokens, US dollars (None is unknown)."""
-
-    calls: int = 0
-    input_tokens: int = 0
-    output_tokens: int = 0
-    usd: float | None = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Done:
-    """The result of one try. ``ok`` is reported by the repair; whether it helped is seen from the next facts.
-
-    ``again`` False: no further try of this repair can help (a person is needed). ``findings`` is what WATCH made of the
-    evidence, to be judged like any other. ``report`` is the agent's accepted report as it stands (WATCH's and HEAL's
-    output.json), whose claims and declarations the loop offers to the ledger. ``untold``: it ended without reporting
-    what it spent. ``asked``: a question waits for a person that did not wait before.
-    """
-
-    ok: bool
-    detail: str = ""
-    again: bool = True
-    spent: Spent = field(default_factory=Spent)
-    findings: tuple[Finding, ...] = ()
-    report: Mapping[str, Any] | None = None
-    untold: bool = False
-    asked: bool = False
-
-
-@dataclass(frozen=True, slots=True)
 class Alert:
     """An alert to a person: an incident that opened, was repaired, froze, or waits for them."""
 
@@ -308,7 +279,7 @@ class Look(Protocol):
 class Repairer(Protocol):
     """Carries out one repair; blocking, bounded in time, and never raises for what the world does."""
 
-    def __call__(self, finding: Finding, repair: Repair, /) -> Done:
+    def __call__(self, finding: Finding, repair: Repair, /) -> RepairOutcome:
         """Do it once."""
 
 

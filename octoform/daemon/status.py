@@ -7,10 +7,11 @@ the logs is still new to it.
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
+from octoform.apply.repair_outcome import WAITS
 from octoform.base.files import parse
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim, Signal
@@ -25,14 +26,14 @@ from octoform.daemon.signals import current, measured
 from octoform.daemon.status_file import FILE, FRESH_SECONDS, basis
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Backoffs
-from octoform.daemon.store.incidents import Incident
+from octoform.daemon.store.incidents import Incident, described
 from octoform.daemon.store.instance_lock import Record
 from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.store.memory import RECALL
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.failure_history import Recall
 from octoform.daemon.triage.failure_history import from_json as recall_from
-from octoform.diagnostics import Diagnostic
+from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import is_engaged
 from octoform.endpoint.process.record import running
@@ -201,55 +202,65 @@ def _lasting(findings: Iterable[Finding], known: _Known, facts: Facts) -> list[I
 
 def _episode(finding: Finding) -> Incident:
     """A problem that no one has noted: it has no beginning."""
-    chain = tuple(repair.value for repair in (finding.repair, *finding.then))
-    outcome = Outcome.SURFACED if finding.repair is Repair.PERSON else Outcome.OPEN
+    person = finding.repair is Repair.PERSON
     return Incident(
         id="",
         kind=finding.kind,
         fault=finding.fault,
         target=finding.target,
         key=finding.key,
-        summary=finding.summary,
-        status=finding.status,
         boot="",
         opened="",
         opened_uptime=0.0,
-        chain=chain,
-        outcome=outcome,
-        hint=finding.detail if finding.repair is Repair.PERSON else "",
+        outcome=Outcome.SURFACED if person else Outcome.OPEN,
+        hint=finding.detail if person else "",
+        **described(finding),
     )
+
+
+def incident(project: Path, environ: Mapping[str, str], name: str) -> tuple[OpenProblem | None, list[Diagnostic]]:
+    """One incident of the manifest's host, by its id or the number in it; None with the reasons where there is none.
+
+    ``waits`` and ``do`` of one that is over are empty.
+    """
+    layout, found = layout_of(project, environ)
+    if layout is None:
+        return None, found
+    known = _known(layout)
+    episode = next((each for each in known.episodes if name in (each.id, each.id.removeprefix("e"))), None)
+    if episode is None:
+        last = f"the latest is {known.episodes[-1].id}" if known.episodes else "there is none"
+        hint = f"octoform incidents lists them; {last}"
+        return None, [error("DAEMON-NO-SUCH-INCIDENT", f"no incident {name[:40]} is kept", hint=hint)]
+    if episode.over:
+        return OpenProblem(episode.target, episode.summary, episode.opened, episode), known.shelf.said
+    watched = instance_lock.alive(layout) is not None
+    heard = _bulletin(layout, environ) if watched else None
+    waits = heard[2].get(episode.key, "") if heard is not None else ""
+    made = _of_episode(episode, known, waits or ("" if watched else "no daemon runs (octoform watch)"))
+    last_word = (
+        next((each.text for each in episode.tries[-1].reasons if each.rule == WAITS), "") if episode.tries else ""
+    )
+    return (replace(made, do=last_word) if last_word else made), known.shelf.said
 
 
 def _of_episode(episode: Incident, known: _Known, waits: str) -> OpenProblem:
     frozen = known.frozen.get(episode.key)
-    retry = f"octoform heal -retry {episode.target}"
+    do = "put it back" if episode.kind is Kind.DEVICE_GONE else ""
     if frozen is not None or episode.outcome is Outcome.FROZEN:
-        return OpenProblem(
-            episode.target,
-            episode.summary,
-            episode.opened,
-            episode,
-            f"given up: {frozen or episode.hint.partition('; ')[0] or 'its tries did not help'}",
-            advice(episode.kind, episode.target),
-        )
-    if episode.outcome is Outcome.SURFACED:
-        do = episode.hint or f"look at it, then: {retry}"
-        return OpenProblem(
-            episode.target, episode.summary, episode.opened, episode, "nothing repairs this by itself", do
-        )
-    return OpenProblem(episode.target, episode.summary, episode.opened, episode, waits, _of_the_world(episode.kind))
-
-
-def _of_the_world(kind: Kind) -> str:
-    """The manual remedy of a problem."""
-    return "put it back" if kind is Kind.DEVICE_GONE else ""
+        waits = f"given up: {frozen or episode.hint.partition('; ')[0] or 'its tries did not help'}"
+        do = advice(episode.kind, episode.target)
+    elif episode.outcome is Outcome.SURFACED:
+        waits = "nothing repairs this by itself"
+        do = episode.hint or f"look at it, then: octoform heal -retry {episode.target}"
+    return OpenProblem(episode.target, episode.summary, episode.opened, episode, waits, do)
 
 
 def _of_finding(episode: Incident) -> OpenProblem:
-    do = (episode.hint if episode.outcome is Outcome.SURFACED else "") or _of_the_world(episode.kind)
-    return OpenProblem(
-        episode.target, episode.summary, None, episode, "no one watches, so nothing is done about it", do
-    )
+    do = episode.hint if episode.outcome is Outcome.SURFACED else ""
+    do = do or ("put it back" if episode.kind is Kind.DEVICE_GONE else "")
+    waits = "no one watches, so nothing is done about it"
+    return OpenProblem(episode.target, episode.summary, None, episode, waits, do)
 
 
 def _recall(shelf: Shelf) -> Recall:

@@ -141,3 +141,73 @@ def test_the_ranges_of_served_packages_are_those_of_the_extra() -> None:
             assert known[Requirement(text).name] == text, path
     assert {known["fastmcp"], known["pyserial"], known["opencv-python-headless"]} <= found
     assert known["fastmcp"] in extras["dev"], "the tests' client is of the same range"
+
+
+# What carries out a repair, decides on it, or keeps what became of it.
+REPAIRS = (
+    "daemon/",
+    "engine/unattended/",
+    "apply/duty.py",
+    "apply/heal.py",
+    "apply/watch.py",
+    "apply/repair_outcome.py",
+)
+OUTCOME = "apply/repair_outcome.py"
+# A shape of an outcome has a word for how something went beside a word for why, as fields of a class or as keys.
+HOW = {"again", "done", "failed", "helped", "ok", "outcome", "refused", "repaired", "succeeded", "verdict", "worked"}
+WHY = {"detail", "message", "reason", "reasons", "said", "text", "why"}
+DECISION = {OUTCOME, "daemon/repair/playbook.py", "daemon/reconcile/repairs.py"}
+MAX_OPENED = 5
+
+
+def repair_sources() -> dict[str, str]:
+    names = {path.relative_to(ROOT).as_posix(): path for path in FILES}
+    return {name: path.read_text() for name, path in names.items() if name.startswith(REPAIRS)}
+
+
+def outcome_shapes(source: str) -> list[str]:
+    """The classes, and the lines of dictionaries, that are an outcome of their own."""
+    found = []
+    for node in parsed.nodes(source):
+        if isinstance(node, ast.ClassDef):
+            fields = [each.target for each in node.body if isinstance(each, ast.AnnAssign)]
+            words, name = {each.id for each in fields if isinstance(each, ast.Name)}, node.name
+        elif isinstance(node, ast.Dict):
+            words = {str(each.value) for each in node.keys if isinstance(each, ast.Constant)}
+            name = f"line {node.lineno}"
+        else:
+            continue
+        if words & HOW and words & WHY:
+            found.append(name)
+    return found
+
+
+def test_what_became_of_a_repair_has_one_shape() -> None:
+    shapes = {name: outcome_shapes(source) for name, source in repair_sources().items()}
+    assert {name: found for name, found in shapes.items() if found and name != OUTCOME} == {}
+    assert "RepairOutcome" in shapes[OUTCOME]
+
+
+def test_a_second_shape_of_an_outcome_is_found() -> None:
+    assert outcome_shapes("class Mended:\n    ok: bool\n    detail: str = ''") == ["Mended"]
+    assert outcome_shapes("def mend():\n    return {'ok': True, 'why': 'it runs'}") == ["line 2"]
+    assert outcome_shapes("class Start:\n    why: str | None\n    uptime: float") == []
+
+
+def rules(source: str, names: set[str]) -> set[str]:
+    """The rules of reasons in a source: ``where.rule`` with one of these as its first word."""
+    texts = {each.value for each in parsed.nodes(source) if isinstance(each, ast.Constant)}
+    form = re.compile(rf"(?:{'|'.join(sorted(names))})\.[a-z][a-z-]+")
+    return {each for each in texts if isinstance(each, str) and form.fullmatch(each)}
+
+
+def test_the_rule_that_refused_a_repair_leads_to_one_file_and_all_of_a_repair_to_five() -> None:
+    documented = (TOP / "docs" / "daemon.md").read_text().partition("| where | is |")[2].partition("\n\n")[0]
+    wheres = {word for line in documented.splitlines()[2:] for word in line.split("|")[1].split("`")[1::2]}
+    assert {"loop", "check", "worker", "restart", "roll_back"} <= wheres
+    found = {name: rules(source, wheres) for name, source in repair_sources().items()}
+    places = Counter(rule for each in found.values() for rule in each)
+    assert len(places) > 40
+    assert [rule for rule, count in places.items() if count > 1] == []
+    opened = {where: {name for name in found if rules(repair_sources()[name], {where})} | DECISION for where in wheres}
+    assert {where: sorted(names) for where, names in opened.items() if len(names) > MAX_OPENED} == {}

@@ -16,6 +16,7 @@ import pytest
 import warm
 from projects import AGENT, Done, Project
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.daemon.store import instance_lock
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import running
@@ -106,15 +107,15 @@ class Bench:
         self.project.script[duty] = list(behaviours)
         self.project.write()
 
-    def watch(self, **more: Any) -> dict[str, Any]:
+    def watch(self, **more: Any) -> RepairOutcome:
         brief = {**EVIDENCE, "causes": ["log"], "claims": [], "summary": None, "target": TARGET, **more}
         return diagnose(self.project.folder, self.project.environment(), brief)
 
-    def heal(self, episode: str = "e1") -> dict[str, Any]:
+    def heal(self, episode: str = "e1") -> RepairOutcome:
         brief = {**EVIDENCE, "error": ERROR, "target": TARGET, "episode": episode}
         return heal(self.project.folder, self.project.environment(), brief)
 
-    def back(self, episode: str = "e1") -> dict[str, Any]:
+    def back(self, episode: str = "e1") -> RepairOutcome:
         brief = {"episode": episode, "reason": "the readings are worse"}
         return roll_back(self.project.folder, self.project.environment(), brief)
 
@@ -169,7 +170,7 @@ MALFORMED: dict[str, tuple[dict[str, Any], str]] = {
 def test_f14_a_report_that_is_none_is_unknown_and_never_healthy(bench: Bench) -> None:
     bench.duty("watch", *(behaviour for behaviour, _ in MALFORMED.values()))
     result = bench.watch()
-    assert (result["ok"], result["report"], result["spent"]["calls"]) == (False, None, len(MALFORMED))
+    assert (result.ok, result.report, result.spent.calls) == (False, None, len(MALFORMED))
     found = dict(zip(MALFORMED, bench.refusals("watch", len(MALFORMED)), strict=True))
     assert {name: codes for name, codes in found.items() if MALFORMED[name][1] not in codes} == {}
 
@@ -183,7 +184,7 @@ def test_watch_gets_both_pictures_their_readings_and_the_summary_of_all_looks(be
     readings = [READING, *({"id": f"v{number}", "at": f"2026-11-22T10:00:0{number}Z", **seen} for number in (1, 2))]
     bench.project.manifest["perception"] = "{enabled: true}"
     bench.duty("watch", {"report": REPORT})
-    assert bench.watch(readings=readings)["ok"]
+    assert bench.watch(readings=readings).ok
     del bench.project.manifest["perception"]
     attempt = bench.project.attempts("watch")[-1]
     (given,) = [json.loads(path.read_text()) for path in attempt.rglob("input.json")]
@@ -208,7 +209,7 @@ def test_a_report_is_held_to_what_was_given_and_changes_nothing(bench: Bench) ->
     assert {path: path.read_bytes() if path.exists() else None for path in touched} == before
     refused = json.loads((bench.project.attempts("watch")[-2] / "attempt.json").read_text())["diagnostics"]
     assert len({item["path"] for item in refused if item["code"] == "APPLY-OUTSIDE-WRITE"}) == len(touched)
-    assert result["ok"] and result["report"] == REPORT and result["spent"]["calls"] == 2
+    assert result.ok and result.report == REPORT and result.spent.calls == 2
     assert bench.refusals("watch", 2) == [{"APPLY-OUTSIDE-WRITE"}, set()]
     assert server.read_text() == BROKEN and bench.process == pid
     given = json.loads((bench.project.attempts("watch")[-1] / "input.json").read_text())
@@ -224,7 +225,7 @@ def test_a_living_daemon_knows_itself_what_it_wrote_and_nobody_decides_while_an_
     owned, _ = instance_lock.take(bench.layout, AT, 1.0, "1")
     assert owned is not None
     bench.duty("watch", {"report": REPORT, "touch": [str(claims)]})
-    assert bench.watch()["ok"] and claims.exists()
+    assert bench.watch().ok and claims.exists()
     claims.unlink()
     owned.release()
     with acquire(bench.layout, "heal").lock or pytest.fail("the lock is held"):
@@ -238,13 +239,13 @@ def test_an_agent_that_hangs_blocks_no_longer_than_its_budget(bench: Bench) -> N
     began = time.monotonic()
     result = bench.watch()
     assert time.monotonic() - began < 20
-    assert (result["ok"], result["report"], result["again"]) == (False, None, True)
-    assert "APPLY-TIMEOUT" in result["detail"]
+    assert (result.ok, result.report, result.again) == (False, None, True)
+    assert "APPLY-TIMEOUT" in result.detail
 
 
 def test_an_agent_is_asked_no_more_often_than_the_hour_has_left(bench: Bench) -> None:
     bench.duty("watch", *([{"exit": 3}] * 4))
-    assert bench.watch(calls=1)["spent"]["calls"] == 1
+    assert bench.watch(calls=1).spent.calls == 1
 
 
 REFUSED: dict[str, tuple[list[list[str]], dict[str, Any], str]] = {
@@ -274,7 +275,7 @@ def test_f15_f16_a_repair_that_goes_too_far_changes_nothing(bench: Bench) -> Non
     ]
     bench.duty("heal", *lines)
     result = bench.heal()
-    assert (result["ok"], result["changed"], result["spent"]["calls"]) == (False, False, len(REFUSED))
+    assert (result.ok, result.changed, result.spent.calls) == (False, False, len(REFUSED))
     found = dict(zip(REFUSED, bench.refusals("heal", len(REFUSED)), strict=True))
     assert {name: codes for name, codes in found.items() if REFUSED[name][2] not in codes} == {}
     assert bench.server == BROKEN and bench.process == pid
@@ -287,7 +288,7 @@ def test_a_repair_that_also_writes_the_manifest_the_policy_or_the_interface_chan
     bench.duty("heal", {"rewrite": MEND, "report": REPAIR, "touch": [str(path) for path in mine]})
     before = [path.read_bytes() for path in mine]
     result = bench.heal()
-    assert (result["ok"], result["changed"]) == (False, False)
+    assert (result.ok, result.changed) == (False, False)
     assert bench.refusals("heal", 1) == [{"APPLY-OUTSIDE-WRITE"}]
     assert [path.read_bytes() for path in mine] == before
     assert bench.server == BROKEN and bench.process == pid
@@ -300,8 +301,8 @@ def test_nothing_is_tried_behind_an_emergency_stop(bench: Bench) -> None:
     bench.project.run("estop", "-reason", "hot", status=0)
     result = bench.heal()
     bench.project.run("estop", "-clear", status=0)
-    assert (result["ok"], result["again"], result["changed"]) == (False, True, False)
-    assert result["spent"]["calls"] == 1 and "HEAL-ESTOPPED" in result["detail"]
+    assert (result.ok, result.again, result.changed) == (False, True, False)
+    assert result.spent.calls == 1 and "HEAL-ESTOPPED" in result.detail
     assert bench.server == BROKEN and bench.process == pid
 
 
@@ -310,8 +311,8 @@ def test_f33_an_honest_failure_is_for_a_person(bench: Bench, status: str) -> Non
     none: dict[str, Any] = {"status": status, "action": "none", "functions": [], "server": None}
     bench.duty("heal", {"report": {**REPAIR, **none}})
     result = bench.heal()
-    assert (result["ok"], result["again"], result["changed"]) == (False, False, False)
-    assert result["report"]["status"] == status and result["detail"].startswith(status)
+    assert (result.ok, result.again, result.changed) == (False, False, False)
+    assert (result.report or {})["status"] == status and result.detail.startswith(status)
 
 
 def test_a_repair_waits_for_a_change_that_a_person_has_begun(bench: Bench) -> None:
@@ -321,8 +322,8 @@ def test_a_repair_waits_for_a_change_that_a_person_has_begun(bench: Bench) -> No
     result = bench.heal()
     bench.project.manifest.pop("policy")
     bench.project.write()
-    assert (result["ok"], result["again"], result["spent"]["calls"]) == (False, True, 0)
-    assert "DUTY-CHANGED" in result["detail"]
+    assert (result.ok, result.again, result.spent.calls) == (False, True, 0)
+    assert "DUTY-CHANGED" in result.detail
 
 
 KILLED = """
@@ -373,7 +374,7 @@ def test_a_repair_that_is_ended_during_its_trial_leaves_the_accepted_server_in_s
     if number is signal.SIGKILL:
         assert is_left(bench.layout) and bench.works(), "the candidate serves"
         found = settle(bench.layout, bench.project.environment())
-        assert found is not None and found["ok"], found
+        assert found is not None and found.ok, found
     assert not is_left(bench.layout) and not bench.layout.lock.exists()
     assert bench.server == BROKEN and bench.process and not bench.works() and bench.in_sync()
 
@@ -384,7 +385,7 @@ def test_a_repair_that_holds_takes_the_place_and_is_taken_back_also_after_a_kill
     worse = {"rewrite": [["value / 1000 if digits < 3", "[][0] if digits < 3"]], "report": REPAIR}
     bench.duty("heal", worse, {"rewrite": MEND, "report": REPAIR})
     result = bench.heal()
-    assert (result["ok"], result["changed"], result["action"]) == (True, True, "rewrite"), result
+    assert (result.ok, result.changed, (result.report or {})["action"]) == (True, True, "rewrite"), result
     assert "HEAL-NOT-HELPED" in bench.refusals("heal", 2)[0]
     assert bench.server == BROKEN.replace("value.exactly", "value / 1000") and bench.process != before
     assert bench.works() and bench.in_sync()
@@ -397,8 +398,8 @@ def test_a_repair_that_holds_takes_the_place_and_is_taken_back_also_after_a_kill
     bench.duty("heal", "good")
     assert bench.ended(KILLED).status == -9
     result = bench.back()
-    assert (result["ok"], result["spent"]["calls"]) == (True, 0), result
+    assert (result.ok, result.spent.calls) == (True, 0), result
     assert bench.server == BROKEN and bench.in_sync() and not bench.works()
     again = bench.back()
-    assert (again["ok"], again["changed"]) == (True, False)
-    assert bench.back("e9")["again"] is False
+    assert (again.ok, again.changed) == (True, False)
+    assert bench.back("e9").again is False

@@ -17,14 +17,15 @@ from typing import Any
 
 import daemon_world
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, worked
 from virtual_rig import ARM, VirtualRig, described, virtual_rig
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.codec import evidence_of
 from octoform.claims.ledger import CLAIMS
 from octoform.claims.model import Channel, Claim, Reading, Signal, State, holds
 from octoform.claims.settings import bound_documents, settings_of
-from octoform.daemon.model import Cause, Done, Finding, Repair, Status
+from octoform.daemon.model import Cause, Finding, Repair, Status
 from octoform.daemon.observe.samples import flattened
 from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.diagnostics import Diagnostic
@@ -265,9 +266,9 @@ def wider(step: int) -> list[dict[str, Any]]:
     return still() + [{"tool": tool, "arguments": {}, "effect": "deny"} for tool in tools[: 1 + step]]
 
 
-def _watch(world: DaemonWorld, finding: Finding) -> Done:
+def _watch(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     assert isinstance(world, ArmWorld)
-    return Done(True, "reported", report=world.agent.report())
+    return worked("reported", report=world.agent.report())
 
 
 def accepted(layout: Layout, rig: VirtualRig) -> None:

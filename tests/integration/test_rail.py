@@ -19,6 +19,7 @@ from hosts.plant import plant
 from projects import AGENT, Project
 from rig.rail import ANSWER, DEVICE, FARTHEST, HOST, HOT, MOST, Board, Rail
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Claim, Reading, Signal, State
 from octoform.claims.readings import to_json
@@ -225,8 +226,8 @@ def reported(bench: Bench, *, claims: list[dict[str, object]], declarations: lis
     bench.project.write()
     brief = {"readings": [to_json(reading)], "failures": [], "claims": [], "since": "", "target": "endpoint"}
     result = diagnose(bench.project.folder, bench.project.environment(), brief)
-    assert result["ok"], result
-    _, refused = Evidence(ledger).offer(result["report"], "watch")
+    assert result.ok, result
+    _, refused = Evidence(ledger).offer(result.report or {}, "watch")
     assert refused == ()
     return ledger
 
@@ -281,7 +282,7 @@ HIDDEN_TEN = [['line = f"MOVE_X {steps:d}"', 'line = f"MOVE_X {max(steps, steps 
 """The same in words that are not computed before anything runs."""
 
 
-def healed(bench: Bench, *rewrites: list[list[str]]) -> list[dict[str, object]]:
+def healed(bench: Bench, *rewrites: list[list[str]]) -> list[RepairOutcome]:
     """What became of a repair of rail_move_x for each of these rewrites of the server by an agent."""
     reading = {"channel": "log", "source": "rail_move_x", "path": "/ok", "value": False, "why": ""}
     failure = {"id": "f1", "tool": "rail_move_x", "error": "DeviceFault", "message": "no answer", "count": 3}
@@ -321,17 +322,17 @@ def test_a_rewrite_that_contradicts_the_profile_is_refused(bench: Bench) -> None
     server = Layout(bench.project.folder, bench.project.host).output("serve")
     before = server.read_text()
     (done,) = healed(bench, TIMES_TEN)
-    assert (done["ok"], done["changed"]) == (False, False) and server.read_text() == before
-    assert "SERVE-PROFILE-CONTRADICTED" in str(done["detail"]) and "MOVE_X 70" in str(done["detail"])
+    assert (done.ok, done.changed) == (False, False) and server.read_text() == before
+    assert "SERVE-PROFILE-CONTRADICTED" in str(done.detail) and "MOVE_X 70" in str(done.detail)
 
 
 def test_a_rewrite_that_would_move_more_than_the_caller_says_waits_for_a_person(bench: Bench) -> None:
     server = Layout(bench.project.folder, bench.project.host).output("serve")
     before = server.read_text()
     (done,) = healed(bench, HIDDEN_TEN)
-    assert (done["ok"], done["changed"], done["again"]) == (False, False, False), done
-    found = re.search(r"octoform confirm (r\w+)", str(done["detail"]))
-    assert found is not None and "rail_move_x" in str(done["detail"]), done
+    assert (done.ok, done.changed, done.again) == (False, False, False), done
+    found = re.search(r"octoform confirm (r\w+)", str(done.detail))
+    assert found is not None and "rail_move_x" in str(done.detail), done
     bench.call("rail_move_x", steps=20)
     assert bench.rail.lines == ["MOVE_X 20"] and server.read_text() == before
     bench.project.run("confirm", found[1], status=1)

@@ -99,7 +99,7 @@ def test_a_killed_endpoint_is_started_again_and_a_stopped_one_is_not(applied: Pr
     assert json.loads(layout.stop_mark.read_bytes())["by"]
     refused = restart(layout)
     assert (refused.ok, refused.again) == (False, False)
-    assert rediscover(layout, applied.environment(), apply="auto")["ok"] is False
+    assert rediscover(layout, applied.environment(), apply="auto").ok is False
     assert running(layout) is None
     applied.run("start", status=0)
     assert not layout.stop_mark.exists()
@@ -205,8 +205,8 @@ def test_re_discovery_that_fails_leaves_everything_as_it_was(applied: Project, l
     (applied.outside / "script.json").write_text(json.dumps(script))
     with plugged(applied):
         done = rediscover(layout, applied.environment(), apply="auto")
-    assert not done["ok"] and f"{stage} failed" in done["detail"]
-    assert done["spent"]["calls"] == len(applied.agent_runs()) - count > 0
+    assert not done.ok and f"{stage} failed" in done.detail
+    assert done.spent.calls == len(applied.agent_runs()) - count > 0
     assert changed_nothing(applied, layout) == before
     (applied.outside / "script.json").write_text("{}")
     assert in_sync(applied)
@@ -255,7 +255,7 @@ def test_re_discovery_that_is_ended_at_any_point_is_taken_back(
     if number == "KILL":
         assert is_left(layout)
         found = settle(layout, applied.environment())
-        assert found is not None and found["ok"], found
+        assert found is not None and found.ok, found
     assert not is_left(layout) and not layout.lock.exists()
     assert applied.nodes() == before[1] and layout.output("serve").read_bytes() == before[2]
     assert running(layout) is not None and in_sync(applied)
@@ -286,15 +286,15 @@ def test_what_a_person_has_not_applied_yet_is_asked_about_once_and_an_apply_answ
     with plugged(applied):
         (applied.folder / "octopus.yaml").write_text(text.replace("policy: {actuate: allow}", "policy: {read: deny}"))
         first, second = (rediscover(layout, applied.environment(), apply="auto") for _ in range(2))
-        assert (first["ok"], first["again"], first["asked"], second["asked"]) == (False, False, True, False)
-        assert "setting.policy.read" in first["detail"]
+        assert (first.ok, first.again, first.asked, second.asked) == (False, False, True, False)
+        assert "setting.policy.read" in first.detail
         (applied.folder / "octopus.yaml").write_text(text)
         third = rediscover(layout, applied.environment(), apply="ask")
-        assert (third["asked"], changed_nothing(applied, layout)) == (True, before)
+        assert (third.asked, changed_nothing(applied, layout)) == (True, before)
         question = approval.read(layout)
         assert question is not None and any("046D" in entry.upper() or "usb" in entry for entry in question.hardware)
         done = rediscover(layout, applied.environment(), apply="auto")
-        assert done["ok"], done
+        assert done.ok, done
         assert approval.read(layout) is None
         # The kinds came out the same, so the endpoint was not touched.
         assert running(layout) == before[0]

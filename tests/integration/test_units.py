@@ -194,8 +194,8 @@ def rewritten(bench: Bench, rewrite: list[list[str]]) -> str:
     bench.project.script = {"heal": [{"rewrite": rewrite, "report": AGENT_WORDS}]}
     bench.project.write()
     done = heal(bench.project.folder, bench.project.environment(), brief)
-    found = re.search(r"octoform confirm (r\w+)", str(done["detail"]))
-    assert found is not None and not done["changed"], done
+    found = re.search(r"octoform confirm (r\w+)", str(done.detail))
+    assert found is not None and not done.changed, done
     return found[1]
 
 

@@ -10,12 +10,14 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from typing import Any
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
-from octoform.daemon.model import Alert, Cause, Done, Facts, Finding, LastSeen, Ports, Repair
-from octoform.daemon.reconcile.repair_policy import AtOnce, Bench
+from octoform.daemon.model import Alert, Cause, Facts, Finding, LastSeen, Ports, Repair
+from octoform.daemon.reconcile.bench import AtOnce, Bench
 from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.daemon.store.memory import Memory
 from octoform.endpoint.logs import LoggedCall
@@ -25,7 +27,7 @@ from octoform.state.layout import Layout
 
 INTERVAL, PING = 300.0, 90.0
 BOOT = "0f0e0d0c-0000-4000-8000-000000000001"
-Mend = Callable[["DaemonWorld", Finding], Done]
+Mend = Callable[["DaemonWorld", Finding], RepairOutcome]
 
 
 @dataclass
@@ -230,11 +232,11 @@ class DaemonWorld:
             worked=worked,
         )
 
-    def repair(self, finding: Finding, repair: Repair) -> Done:
+    def repair(self, finding: Finding, repair: Repair) -> RepairOutcome:
         """Carry it out, as ``mends`` has it."""
         self.made.append((self.now, repair, finding.target))
         mend = self.mends.get(repair)
-        return Done(False, "no one can do that here", again=False) if mend is None else mend(self, finding)
+        return failed("no one can do that here", again=False) if mend is None else mend(self, finding)
 
     def sample(self) -> Iterable[Reading]:
         """The sensors; nothing where no process runs."""
@@ -259,31 +261,41 @@ class DaemonWorld:
         self.rounds.append(made)
 
 
-def _restart(world: DaemonWorld, finding: Finding) -> Done:
+def worked(text: str, **more: Any) -> RepairOutcome:
+    """A repair that reports success."""
+    return RepairOutcome.done("repair.made", text, **more)
+
+
+def failed(text: str, **more: Any) -> RepairOutcome:
+    """A repair that reports failure."""
+    return RepairOutcome.failed("repair.not-made", text, **more)
+
+
+def _restart(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.live()
-    return Done(True, "started")
+    return worked("started")
 
 
-def _restore(world: DaemonWorld, finding: Finding) -> Done:
+def _restore(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.truth.damaged.clear()
-    return Done(True, "restored")
+    return worked("restored")
 
 
-def _rebuild(world: DaemonWorld, finding: Finding) -> Done:
+def _rebuild(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.truth.environment = ()
     world.live()
-    return Done(True, "rebuilt")
+    return worked("rebuilt")
 
 
-def _rotate(world: DaemonWorld, finding: Finding) -> Done:
+def _rotate(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.truth.log_bytes.clear()
-    return Done(True, "rotated")
+    return worked("rotated")
 
 
-def first(happens: Callable[["DaemonWorld"], None], done: Done) -> Mend:
+def first(happens: Callable[["DaemonWorld"], None], done: RepairOutcome) -> Mend:
     """A repair during which this happens, whatever it reports."""
 
-    def mend(world: "DaemonWorld", _: Finding) -> Done:
+    def mend(world: "DaemonWorld", _: Finding) -> RepairOutcome:
         happens(world)
         return done
 

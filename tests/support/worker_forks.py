@@ -16,7 +16,7 @@ from collections.abc import Callable, Mapping, Sequence
 from types import SimpleNamespace
 from typing import Any, NoReturn
 
-from octoform.daemon.repair import worker, worker_port
+from octoform.daemon.repair import worker
 from octoform.endpoint.bounded_program import ForkServer
 
 LARGEST = 1 << 20
@@ -45,7 +45,7 @@ def install(become: Become) -> None:
             self.pid = int(mine.recv(64))
             self._child_created = True
 
-    ports: Any = worker_port
+    ports: Any = worker
     ports.subprocess = SimpleNamespace(Popen=Worker, TimeoutExpired=subprocess.TimeoutExpired)
 
 

@@ -277,12 +277,14 @@ def run_resume(arguments: Namespace, project: Path, screen: Console) -> int:
 
 
 def run_incidents(arguments: Namespace, project: Path, screen: Console) -> int:
-    """Exit code 0, whatever went wrong."""
+    """Exit code 0, whatever went wrong; 1 where the one to be shown is not kept."""
     from octoform.daemon.store.incidents import read
     from octoform.daemon.store.json_store import Shelf
     from octoform.engine.tools import layout_of
     from octoform.views.daemon import event_log as view
 
+    if arguments.show:
+        return _one_incident(arguments, project, screen)
     text = arguments.n
     if not text.isascii() or not text.isdigit():
         raise UsageError(f"-n: {text!r} is not a number of incidents", "usage: octoform incidents [-n COUNT] [-json]")
@@ -292,3 +294,18 @@ def run_incidents(arguments: Namespace, project: Path, screen: Console) -> int:
     shelf = Shelf(layout)
     episodes = read(shelf) if layout.daemon.is_dir() else []
     return view.listed(screen, episodes, shelf.said, int(text), as_json=arguments.json)
+
+
+def _one_incident(arguments: Namespace, project: Path, screen: Console) -> int:
+    from octoform.daemon.status import incident
+    from octoform.views.daemon import health as view
+
+    match arguments.show:
+        case ["show", name]:
+            found, trouble = incident(project, os.environ, name)
+        case words:
+            usage = "usage: octoform incidents show N [-json]"
+            raise UsageError(f"{' '.join(words)!r} is not `show` with the id or the number of an incident", usage)
+    if found is None:
+        return problems.show(screen, trouble, as_json=arguments.json)
+    return view.incident(screen, found, trouble, as_json=arguments.json)

@@ -8,25 +8,26 @@ show. Light.
 from collections.abc import Callable, Mapping
 from dataclasses import field, replace
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health
 from octoform.daemon.model import Cause, Facts, Finding, Kind, Ports
-from octoform.daemon.reconcile.incidents import OpenIncidents
-from octoform.daemon.reconcile.repair_policy import (
+from octoform.daemon.reconcile.bench import (
     PROCESS,
     Bench,
-    Lane,
     Product,
     Task,
     busy_with_ours,
     concerns_process,
 )
+from octoform.daemon.reconcile.incidents import OpenIncidents
 from octoform.daemon.reconcile.repairs import Trying, Waits
+from octoform.daemon.repair.playbook import Lane
 from octoform.daemon.status_file import FRESH_SECONDS, Bulletin
 from octoform.daemon.store import instance_lock
-from octoform.daemon.store.incidents import Incident, Try
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.memory import Memory
 from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.process import LEAST_FREE
@@ -53,7 +54,8 @@ LEAST_WAIT = 0.05
 class Cycle:
     """The observations and actions of one check cycle. ``due`` is when the next try is (uptime; None: none is timed).
 
-    ``waits`` gives, by key, why a repair is not made now; ``problems`` is what could not be read, written or believed.
+    ``waits`` gives, by key, why a repair is not made now, ``refused`` those of which that is new. ``problems`` is what
+    could not be read, written or believed.
     """
 
     causes: frozenset[Cause]
@@ -62,7 +64,8 @@ class Cycle:
     opened: tuple[Incident, ...] = ()
     ended: tuple[Incident, ...] = ()
     begun: tuple[Task, ...] = ()
-    tried: tuple[tuple[Incident, Try], ...] = ()
+    tried: tuple[tuple[Incident, RepairOutcome], ...] = ()
+    refused: tuple[tuple[Incident, RepairOutcome], ...] = ()
     waits: dict[str, str] = field(default_factory=dict)
     due: float | None = None
     health: Health | None = None
@@ -167,7 +170,9 @@ class Supervisor:
         if not (calm and quiet and fresh and _essence(facts) == _essence(before)):
             return None
         self._seen = None
-        return replace(last, causes=causes, facts=facts, opened=(), ended=(), begun=(), tried=(), problems=())
+        return replace(
+            last, causes=causes, facts=facts, opened=(), ended=(), begun=(), tried=(), refused=(), problems=()
+        )
 
     def _looked(self, causes: frozenset[Cause]) -> tuple[Facts, tuple[Finding, ...]]:
         """Look, judge, and let incidents begin and end."""
@@ -216,11 +221,23 @@ class Supervisor:
     ) -> Cycle:
         health = self._post(facts, self._waits.why, paused, self._ports.promised())
         opened, ended = self._incidents.taken()
-        tried, self._trying.tried = tuple(self._trying.tried), []
+        tried, refused = self._trying.taken()
         problems = (*self._memory.shelf.new_diagnostics(), *self._evidence.ledger.new_diagnostics())
         due = min(self._waits.due, default=None)
         made = Cycle(
-            causes, facts, findings, opened, ended, tuple(begun), tried, self._waits.why, due, health, paused, problems
+            causes,
+            facts,
+            findings,
+            opened,
+            ended,
+            tuple(begun),
+            tried,
+            refused,
+            self._waits.why,
+            due,
+            health,
+            paused,
+            problems,
         )
         self._last = made
         self._view(made)
@@ -238,7 +255,7 @@ class Supervisor:
             return True
         ports = self._ports
         self._read = facts.process.instance, ports.promised()
-        task = Task(Lane.SENSES, None, None, "", facts.stamp, facts.uptime)
+        task = Task(Lane.SENSES, None, None, "", None, facts.uptime)
         self._bench.begin(task, lambda: Product(None, tuple(ports.sample())))
         return True
 

@@ -14,9 +14,9 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from octoform.apply.repair_outcome import Reason, RepairOutcome, RepairVerdict
 from octoform.base import clock
 from octoform.base.files import parse, private_folder, record
-from octoform.daemon.model import Done
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import Running, ask, is_it, is_marked, running
@@ -41,21 +41,20 @@ _WORDS = 1000
 
 @dataclass(frozen=True, slots=True)
 class Start:
-    """A start that was tried: ``uptime`` is in seconds of CLOCK_BOOTTIME in that ``boot``; ``why`` it failed.
+    """A start that was tried: ``uptime`` is in seconds of CLOCK_BOOTTIME in that ``boot``; ``why`` it failed, or None.
 
     ``until`` is when its process was found to be no use any more; None for the last one as long as it is.
     """
 
     boot: str
     uptime: float
-    ok: bool
-    why: str = ""
+    why: str | None
     until: float | None = None
 
     @property
     def short(self) -> bool:
         """True when it did not last."""
-        return not self.ok or (self.until is not None and self.until - self.uptime <= SHORT_SECONDS)
+        return self.why is not None or (self.until is not None and self.until - self.uptime <= SHORT_SECONDS)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,24 +69,26 @@ class World:
     lives: Callable[[Running], bool] = is_it
 
 
-def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -> Done:
+def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -> RepairOutcome:
     """Start the endpoint unless a person stopped it; with ``hung`` a process that is still not well is ended first.
 
     Blocks for as long as the start takes and a pause of up to ``MAX_PAUSE`` seconds before it.
     """
     world = world or World()
     if is_marked(layout):
-        return Done(False, "a person has stopped the endpoint; octoform start starts it", again=False)
+        text = "a person has stopped the endpoint; octoform start starts it"
+        return RepairOutcome.refused("restart.stopped", text, again=False)
     there = running(layout)
     if there is not None and not hung and start_stop.accepts(layout):
-        return Done(True, f"it runs already (process {there.pid})")
+        return RepairOutcome.done("restart.runs", f"it runs already (process {there.pid})")
     if there is not None and hung and _well(layout):
-        return Done(True, f"it answers again by itself (process {there.pid})")
+        return RepairOutcome.done("restart.answers", f"it answers again by itself (process {there.pid})")
     starts = _ended(_of_this_boot(read(layout), world), world.uptime())
     short = len(list(takewhile(lambda one: one.short, reversed(starts))))
     if short >= MAX_SHORT:
         _write(layout, [])
-        return Done(False, f"it crashes in a loop: {_describe(starts[-short:])}", again=False)
+        text = f"it crashes in a loop: {_describe(starts[-short:])}"
+        return RepairOutcome.refused("restart.loop", text, again=False)
     if short:
         world.sleep(min(MAX_PAUSE, FIRST_PAUSE * 2 ** (short - 1)))
     if there is not None:
@@ -95,23 +96,23 @@ def restart(layout: Layout, world: World | None = None, *, hung: bool = False) -
     return _started(layout, world, starts)
 
 
-def _started(layout: Layout, world: World, starts: list[Start]) -> Done:
+def _started(layout: Layout, world: World, starts: list[Start]) -> RepairOutcome:
     before = _address(layout)
     process, problem = (None, None) if is_marked(layout) else _brought_up(layout, world)
     if is_marked(layout):  # a person was faster than the process, and found none to stop
         world.stop(layout)
-        return Done(False, "a person has stopped the endpoint meanwhile", again=False)
+        text = "a person has stopped the endpoint meanwhile"
+        return RepairOutcome(RepairVerdict.ROLLED_BACK, (Reason("restart.stopped", text),), again=False)
     if process is not None and not _stays(process, world):
         process, why = None, "it ended as soon as it had started"
     elif problem is not None:
         why = ": ".join(filter(None, (problem.summary, problem.detail)))
     else:
         why = ""
-    now = Start(world.boot(), world.uptime(), process is not None, why[:_WORDS])
-    _write(layout, [*starts, now])
+    _write(layout, [*starts, Start(world.boot(), world.uptime(), None if process is not None else why[:_WORDS])])
     if process is None:
-        return Done(False, now.why)
-    return Done(True, f"process {process.pid} serves it{_moved(before, process)}")
+        return RepairOutcome.failed("restart.start", why[:_WORDS])
+    return RepairOutcome.done("restart.serves", f"process {process.pid} serves it{_moved(before, process)}")
 
 
 def _brought_up(layout: Layout, world: World) -> tuple[Running | None, Diagnostic | None]:
@@ -149,7 +150,8 @@ def read(layout: Layout) -> list[Start]:
 
 def _start(record: Mapping[str, Any]) -> Start:
     until = None if record["until"] is None else float(record["until"])
-    return Start(str(record["boot"]), float(record["uptime"]), bool(record["ok"]), str(record["why"]), until)
+    why = None if record.get("ok") or record["why"] is None else str(record["why"])  # "ok" is a former version's
+    return Start(str(record["boot"]), float(record["uptime"]), why, until)
 
 
 def _write(layout: Layout, starts: Iterable[Start]) -> None:

@@ -1,35 +1,155 @@
-"""The daemon's child: one job, one result, and gone. What is heavy is loaded here and never in the daemon.
+"""Heavy work in a child process, both ends of it: the daemon stays small, and what a child loads goes with it.
 
-``python -m octoform.daemon.repair.worker`` reads ``{format, job, project, parent, brief}`` from standard input;
-``brief`` holds at least ``host``. The last line of its standard output is ``{"ok", "detail", "again", ...}``. It asks
-the kernel to end it with its parent, and SIGTERM ends it in order: an agent is ended, a journal closed, a lock given
-back.
-
-Every job takes the project's folder and its brief, imports its modules when it runs, and gives a JSON object with
-``ok``, ``detail`` (plain sentences) and ``again`` (False: no further try can help).
+``python -m octoform.daemon.repair.worker`` reads a job from standard input: ``{format, job, project, parent, brief}``,
+``brief`` holds at least ``host``. The last line of its standard output is the result: a `RepairOutcome` as JSON, with
+the members beside it that a job has. A child is ended with its daemon in every case: by SIGTERM when the daemon is
+instructed to stop, by the kernel's parent-death signal when the daemon is killed (the child asks for that itself), and
+by its time limit. SIGTERM ends it in order: an agent is ended, a journal closed, a lock given back. Light.
 """
 
+import contextlib
 import ctypes
 import json
 import os
 import signal
+import subprocess
 import sys
-from collections.abc import Callable, Mapping
+import tempfile
+import threading
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import IO, Any
 
+from octoform.apply.repair_outcome import RepairOutcome
+from octoform.base import shortage
 from octoform.base.files import OtherFormatError, parse, record
-from octoform.daemon.model import Done
+from octoform.base.processes import signal_group
+from octoform.daemon.repair.playbook import PLAYBOOK, SETTLE, Order, RepairKind
 from octoform.state.layout import Layout
 
+COMMAND = (sys.executable, "-P", "-m", "octoform.daemon.repair.worker")
 FORMAT = 1
 LIMIT = 4_000_000
+"""Bytes of a job, and of a result."""
+GRACE_SECONDS = 15.0
+"""Seconds that a child may take to end its agent and release its lock before it is killed."""
+SAID_LIMIT = 1500
+"""Characters of a failed child's output that its result quotes."""
 _PR_SET_PDEATHSIG = 1
 BAD_JOB, STOPPED = 64, 143
 Brief = Mapping[str, Any]
 Job = Callable[[str, Brief], dict[str, Any]]
+
+
+class Workers:
+    """Starts children of one project; `run` may be called in several threads, `end` in any."""
+
+    def __init__(self, project: Path, environ: Mapping[str, str], command: Sequence[str] = COMMAND) -> None:
+        """``environ`` is what every child gets: its agents need what an apply in this place would have."""
+        self._project = project
+        self._environ = dict(environ)
+        self._command = list(command)
+        self._guard = threading.Lock()
+        self._live: set[subprocess.Popen[bytes]] = set()
+        self._ended = False
+
+    def run(self, job: str, brief: Mapping[str, Any], seconds: float) -> dict[str, Any]:
+        """The result of a job, within ``seconds``; what fails is an outcome too, never an exception.
+
+        ``parent`` of a job is the process that must be alive. A child that ended without a result of its own has no
+        ``cost``: no one knows what it has used.
+        """
+        asked = {"format": FORMAT, "job": job, "project": str(self._project), "parent": os.getpid(), "brief": brief}
+        with tempfile.TemporaryFile() as feed, tempfile.TemporaryFile() as out, tempfile.TemporaryFile() as err:
+            feed.write(json.dumps(asked).encode())
+            feed.seek(0)
+            try:
+                process = self._started(feed, out, err)
+            except BlockingIOError:
+                return RepairOutcome.failed("worker.shortage", f"{job}: {shortage.TEXT}").to_json()
+            if process is None:
+                return RepairOutcome.refused("worker.stopping", f"{job}: the daemon is being stopped").to_json()
+            why = self._waited(process, seconds)
+            if why is not None:
+                return _lost("worker.ended", f"{job}: {why}")
+            return _result(job, process.returncode, _head(out), _head(err))
+
+    def end(self) -> None:
+        """End every child, and let none be started again; returns when none is left."""
+        with self._guard:
+            self._ended = True
+            live = list(self._live)
+        for process in live:
+            _signal(process, signal.SIGTERM)
+        for process in live:
+            _gone(process)
+
+    def _started(self, feed: IO[bytes], out: IO[bytes], err: IO[bytes]) -> "subprocess.Popen[bytes] | None":
+        with self._guard:  # so that no child is started after the last one was ended
+            if self._ended:
+                return None
+            process = subprocess.Popen(
+                self._command,
+                cwd=self._project,
+                env=self._environ,
+                stdin=feed,
+                stdout=out,
+                stderr=err,
+                start_new_session=True,
+            )
+            self._live.add(process)
+            return process
+
+    def _waited(self, process: "subprocess.Popen[bytes]", seconds: float) -> str | None:
+        """Why the child has no result; None when it came to its end by itself."""
+        try:
+            process.wait(seconds)
+        except subprocess.TimeoutExpired:
+            _signal(process, signal.SIGTERM)
+            return f"it took more than {seconds:.0f} s and was ended"
+        finally:
+            _gone(process)
+            with self._guard:
+                self._live.discard(process)
+        return "it was ended with the daemon" if self._ended else None
+
+
+def _signal(process: "subprocess.Popen[bytes]", number: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        process.send_signal(number)
+
+
+def _gone(process: "subprocess.Popen[bytes]") -> None:
+    """Wait for the end of a child that was instructed to end; kill it and its group when that does not come."""
+    try:
+        process.wait(GRACE_SECONDS)
+    except subprocess.TimeoutExpired:
+        signal_group(process)
+        process.wait()
+
+
+def _head(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read(LIMIT).decode("utf-8", "replace")
+
+
+def _result(job: str, status: int, out: str, err: str) -> dict[str, Any]:
+    last = out.strip().rpartition("\n")[2]
+    with contextlib.suppress(ValueError):
+        found = parse(last)
+        if isinstance(found, dict):
+            return found
+    text = f"{job}: the child ended with status {status} and without a result: {err.strip()[-SAID_LIMIT:]}"
+    return _lost("worker.no-result", text)
+
+
+def _lost(rule: str, text: str) -> dict[str, Any]:
+    return RepairOutcome.failed(rule, text, cost=None).to_json()
+
+
+# The child's end. Every job takes the project's folder and its brief, and imports its modules when it runs.
 
 
 def _settings(project: str, _: Brief) -> dict[str, Any]:
@@ -42,7 +162,8 @@ def _settings(project: str, _: Brief) -> dict[str, Any]:
     manifest, found = load(Path(project) / FILE_NAME, os.environ)
     if manifest is None:
         first = next(item for item in found if item.severity == "error")
-        return _plain(False, f"the manifest has errors: {first.summary}", again=False)
+        text = f"the manifest has errors: {first.summary}"
+        return RepairOutcome.refused("settings.errors", text, again=False).to_json()
     daemon = asdict(manifest.daemon)
     daemon["metrics"] = None if manifest.daemon.metrics is None else str(manifest.daemon.metrics)
     fields = {
@@ -51,87 +172,18 @@ def _settings(project: str, _: Brief) -> dict[str, Any]:
         "daemon": daemon,
         "perception": asdict(manifest.perception),
     }
-    return {**_plain(True, ""), **fields, "bounds": bounds(Path(project), os.environ)}
-
-
-def _restart(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.daemon.repair.restart import restart
-
-    return _done(restart(_layout(project, brief), hung=bool(brief.get("hung"))))
-
-
-def _restore(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.repairs import restore
-
-    return asdict(restore(_layout(project, brief)))
-
-
-def _republish(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.heal import settle
-    from octoform.engine.unattended.repairs import republish
-
-    layout = _layout(project, brief)
-    return settle(layout, os.environ) or asdict(republish(layout))
+    return {**RepairOutcome.done("settings").to_json(), **fields, "bounds": bounds(Path(project), os.environ)}
 
 
 def _settle(project: str, brief: Brief) -> dict[str, Any]:
     from octoform.engine.unattended.heal import settle
 
-    nothing = _plain(True, "nothing was left unfinished")
-    return settle(_layout(project, brief), os.environ) or nothing
-
-
-def _rebuild(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.repairs import rebuild
-
-    return asdict(rebuild(_layout(project, brief)))
-
-
-def _rediscover(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.rediscover import Left, rediscover
-
-    apply = str(brief.get("apply") or "ask")
-    return rediscover(_layout(project, brief), os.environ, apply=apply, left=Left.of(brief))
-
-
-def _rebind(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.daemon.repair.device_binding import rebind
-
-    return _done(rebind(_layout(project, brief), str(brief["device"])))
-
-
-def _rotate(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.daemon.repair.disk_cleanup import rotate
-
-    return _done(rotate(_layout(project, brief), str(brief["log"])))
-
-
-def _free(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.daemon.repair.disk_cleanup import free
-
-    return _done(free(_layout(project, brief)))
-
-
-def _watch(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.session import diagnose
-
-    return diagnose(Path(project), os.environ, brief)
-
-
-def _heal(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.heal import heal
-
-    return heal(Path(project), os.environ, brief)
-
-
-def _roll_back(project: str, brief: Brief) -> dict[str, Any]:
-    from octoform.engine.unattended.heal import roll_back
-
-    return roll_back(Path(project), os.environ, brief)
+    nothing = RepairOutcome.done("settle.nothing", "nothing was left unfinished")
+    return (settle(_layout(project, brief), os.environ) or nothing).to_json()
 
 
 def _look(project: str, _: Brief) -> dict[str, Any]:
-    """``{ok, detail, again, camera, picture}``: the device id, and ``{trouble, mean, spread}`` or None with the reason.
+    """With ``camera`` and ``picture``: the device id, and ``{trouble, mean, spread}`` or None with the reason.
 
     Only where the manifest has perception switched on. The picture is kept as every other look's is.
     """
@@ -149,40 +201,26 @@ def _look(project: str, _: Brief) -> dict[str, Any]:
         return _unseen(camera, ": ".join(filter(None, (seen.outcome.summary, seen.outcome.detail))))
     shown = seen.outcome.picture
     picture = {"trouble": seen.problem, "mean": shown.mean, "spread": shown.spread}
-    return {"ok": True, "detail": "", "again": True, "camera": camera, "picture": picture}
+    return {**RepairOutcome.done("look.seen").to_json(), "camera": camera, "picture": picture}
 
 
 def _unseen(camera: str | None, why: str) -> dict[str, Any]:
-    return {"ok": False, "detail": why[:500], "again": True, "camera": camera, "picture": None}
+    return {**RepairOutcome.failed("look.unseen", why[:500]).to_json(), "camera": camera, "picture": None}
 
 
 def _layout(project: str, brief: Brief) -> Layout:
     return Layout(Path(project), str(brief["host"]))
 
 
-def _done(done: Done) -> dict[str, Any]:
-    return _plain(done.ok, done.detail, again=done.again)
-
-
-def _plain(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
-    return {"ok": ok, "detail": detail, "again": again}
+def _job_of(kind: RepairKind) -> Job:
+    return lambda project, brief: kind.work(Order(_layout(project, brief), os.environ, brief)).to_json()
 
 
 JOBS: Mapping[str, Job] = {
     "settings": _settings,
-    "restart": _restart,
-    "restore": _restore,
-    "republish": _republish,
-    "rebuild": _rebuild,
-    "settle": _settle,
-    "rebind": _rebind,
-    "rotate": _rotate,
-    "free": _free,
-    "rediscover": _rediscover,
-    "watch": _watch,
-    "heal": _heal,
-    "roll_back": _roll_back,
     "look": _look,
+    SETTLE: _settle,
+    **{name.value: _job_of(kind) for name, kind in PLAYBOOK.items()},
 }
 
 
@@ -201,16 +239,16 @@ def main() -> int:
         job, brief, parent = asked["job"], asked["brief"], int(asked["parent"])
         work, project = JOBS[job], str(asked["project"])
     except OtherFormatError:
-        return _send(out, {"ok": False, "detail": "the job is of another version", "again": False}, BAD_JOB)
+        refused = RepairOutcome.refused("worker.version", "the job is of another version", again=False)
+        return _send(out, refused.to_json(), BAD_JOB)
     except (ValueError, LookupError, TypeError) as problem:
-        return _send(out, {"ok": False, "detail": f"this is no job: {problem!r}", "again": False}, BAD_JOB)
+        refused = RepairOutcome.refused("worker.no-job", f"this is no job: {problem!r}", again=False)
+        return _send(out, refused.to_json(), BAD_JOB)
     try:
         _bind_to(parent)
         result = work(project, brief)
     except _Ended:
-        return _send(
-            out, {"ok": False, "detail": f"{job}: it was asked to end", "again": True, "untold": True}, STOPPED
-        )
+        return _send(out, _lost("worker.stopped", f"{job}: it was asked to end"), STOPPED)
     return _send(out, result, 0)
 
 

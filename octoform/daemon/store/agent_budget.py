@@ -4,11 +4,11 @@ Calls are written down before they are made and again when their cost is known, 
 has still counted them. What cannot be written down is not spent, and an unknown amount counts as spent. Light.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
+from octoform.apply.repair_outcome import Cost
 from octoform.base.clock import parse_stamp
-from octoform.daemon.model import Spent
 from octoform.daemon.store.json_store import Shelf, number
 
 FILE = "spend.json"
@@ -50,11 +50,11 @@ class AgentBudget:
             self._entries = [Entry(now, stamp, self.boot, self.calls_per_hour, None)]
             self.save()
 
-    def spent(self, now: float, stamp: str) -> Spent:
+    def spent(self, now: float, stamp: str) -> Cost:
         """The cost of the last hour."""
         recent = [entry for entry in self._entries if self._age(entry, now, stamp) < WINDOW_SECONDS]
         known = [entry.usd for entry in recent if entry.usd is not None]
-        return Spent(calls=sum(entry.calls for entry in recent), usd=sum(known))
+        return Cost(calls=sum(entry.calls for entry in recent), usd=sum(known))
 
     def free_at(self, now: float, stamp: str) -> float | None:
         """When the next call may be made (uptime); None: now."""
@@ -93,10 +93,10 @@ class AgentBudget:
         self._entries.remove(entry)
         return None
 
-    def settle(self, entry: Entry, spent: Spent) -> None:
+    def settle(self, entry: Entry, cost: Cost) -> None:
         """Record the final cost of that run; none when no agent was called."""
-        entry.calls, entry.usd = spent.calls, spent.usd
-        if spent.calls == 0 and not spent.usd and entry in self._entries:
+        entry.calls, entry.usd = cost.calls, cost.usd
+        if cost.calls == 0 and not cost.usd and entry in self._entries:
             self._entries.remove(entry)
         self.save()
 
@@ -110,11 +110,7 @@ class AgentBudget:
 
     def save(self) -> bool:
         """Write all of it down; False when the disk refuses."""
-        listed = [
-            {"at": entry.at, "stamp": entry.stamp, "boot": entry.boot, "calls": entry.calls, "usd": entry.usd}
-            for entry in self._entries
-        ]
-        return self.shelf.write(FILE, {"spent": listed})
+        return self.shelf.write(FILE, {"spent": [asdict(entry) for entry in self._entries]})
 
 
 def _decoded(item: dict[str, Any]) -> Entry:

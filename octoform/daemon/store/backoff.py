@@ -7,7 +7,7 @@ other evidence, so the tries of a target and class are counted for an hour as we
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import field, replace
+from dataclasses import asdict, field, replace
 from typing import Any
 
 from octoform.daemon.model import Outcome, Repair
@@ -227,7 +227,9 @@ class Backoffs:
 
     def save(self) -> None:
         """Write all of it down."""
-        listed = [_encoded(item) for item in self._all.values()]
+        listed = [
+            {name: value for name, value in asdict(item).items() if name != "boot"} for item in self._all.values()
+        ]
         self.shelf.write(FILE, {"boot": self.boot, "tries": self._tries, "breakers": listed})
 
 
@@ -244,22 +246,6 @@ def _times(document: Mapping[str, Any]) -> dict[str, tuple[float, ...]]:
     found = document.get("tries")
     listed = found.items() if isinstance(found, dict) else ()
     return {name: tuple(number(at) for at in times) for name, times in listed if isinstance(times, list) and times}
-
-
-def _encoded(item: Backoff) -> dict[str, Any]:
-    return {
-        "key": item.key,
-        "target": item.target,
-        "tries": item.tries,
-        "step": item.step,
-        "next": item.next,
-        "frozen": item.frozen,
-        "since": item.since,
-        "gone": item.gone,
-        "helped": list(item.helped),
-        "hopeless": list(item.hopeless),
-        "terms": item.terms,
-    }
 
 
 def _entries(document: Mapping[str, Any]) -> Iterable[Backoff]:

@@ -10,9 +10,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import asdict, field
 from typing import Any
 
+from octoform.apply.repair_outcome import Cost, Reason, RepairOutcome, RepairVerdict
 from octoform.base.escaping import escaped
 from octoform.base.files import parse, private_folder, record
-from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent, Status
+from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Status
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
 from octoform.records import dataclass
@@ -22,20 +23,10 @@ FILE = "episodes.jsonl"
 KEPT = 1000
 """Incidents that a file which has grown is cut down to."""
 GROWN = 4_000_000
-SUMMARY, DETAIL = 600, 1500
+SUMMARY = 600
 """Characters of foreign words that an incident keeps."""
 TRIES = 50
-
-
-@dataclass(frozen=True, slots=True)
-class Try:
-    """One repair that was made: ``at`` RFC 3339, ``seconds`` it took, ``ok`` its own word."""
-
-    repair: str
-    at: str
-    ok: bool
-    detail: str
-    seconds: float
+"""Outcomes that an incident keeps: of the tries the latest, and as many refusals."""
 
 
 @dataclass(slots=True)
@@ -66,12 +57,18 @@ class Incident:
     causes: tuple[str, ...] = ()
     closed: str | None = None
     closed_uptime: float | None = None
-    tries: list[Try] = field(default_factory=list)
+    outcomes: list[RepairOutcome] = field(default_factory=list)
+    """What came of each repair that was considered, in order; of equal refusals the first."""
     outcome: Outcome = Outcome.OPEN
-    spent: Spent = field(default_factory=Spent)
+    spent: Cost = field(default_factory=Cost)
     hint: str = ""
     diagnosis: Finding | None = None
     until: float | None = None
+
+    @property
+    def tries(self) -> list[RepairOutcome]:
+        """The repairs that were begun."""
+        return [each for each in self.outcomes if each.begun]
 
     @property
     def over(self) -> bool:
@@ -106,15 +103,12 @@ class Incidents:
             fault=finding.fault,
             target=escaped(finding.target)[:SUMMARY],
             key=finding.key,
-            summary=escaped(finding.summary)[:SUMMARY],
-            status=finding.status,
             boot=self.boot,
             opened=facts.stamp,
             opened_uptime=facts.uptime,
-            chain=tuple(repair.value for repair in (finding.repair, *finding.then)),
-            evidence=tuple(escaped(item)[:SUMMARY] for item in finding.evidence[:20]),
             by=by,
             causes=tuple(sorted(causes)),
+            **described(finding),
         )
         self.open[finding.key] = episode
         self.note(episode)
@@ -123,18 +117,45 @@ class Incidents:
     def becomes(self, episode: Incident, finding: Finding) -> None:
         """The same problem is seen otherwise now: it goes on under another key, and keeps its kind and beginning."""
         self.open.pop(episode.key, None)
-        episode.key, episode.status, episode.diagnosis = finding.key, finding.status, None
-        episode.summary = escaped(finding.summary)[:SUMMARY]
-        episode.chain = tuple(repair.value for repair in (finding.repair, *finding.then))
-        episode.evidence = tuple(escaped(item)[:SUMMARY] for item in finding.evidence[:20])
+        episode.key, episode.diagnosis = finding.key, None
+        for name, value in described(finding).items():
+            setattr(episode, name, value)
         self.open[episode.key] = episode
         self.note(episode)
 
-    def tried(self, episode: Incident, made: Try, spent: Spent) -> None:
-        """A repair was made for it."""
-        detail = escaped(made.detail)[:DETAIL]
-        episode.tries = [*episode.tries, Try(made.repair, made.at, made.ok, detail, made.seconds)][-TRIES:]
-        episode.spent = added(episode.spent, spent)
+    def tried(self, episode: Incident, made: RepairOutcome) -> RepairOutcome:
+        """A repair was made for it; as it is kept."""
+        kept = made.plain()
+        refusals = [each for each in episode.outcomes if not each.begun]
+        left = {id(each) for each in (*refusals, *episode.tries[1 - TRIES :])}
+        episode.outcomes = [*(each for each in episode.outcomes if id(each) in left), kept]
+        episode.spent += made.spent
+        self.note(episode)
+        return kept
+
+    def refused(self, episode: Incident, refusal: RepairOutcome) -> bool:
+        """A repair was considered and not begun; False where the incident knows it: the daemon asks at each look."""
+        refusals = [each for each in episode.outcomes if not each.begun]
+        if len(refusals) >= TRIES or any(_like(each, refusal) for each in refusals):
+            return False
+        episode.outcomes = [*episode.outcomes, refusal.plain()]
+        self.note(episode)
+        return True
+
+    def checked(self, identity: str, repair: str, reason: Reason, verdict: RepairVerdict) -> None:
+        """Facts showed what the last repair of this name was worth, which had reported success.
+
+        The incident may be over by then.
+        """
+        every = self.open.values() if any(each.id == identity for each in self.open.values()) else read(self.shelf)
+        episode = next((each for each in every if each.id == identity), None)
+        places = (
+            [at for at, each in enumerate(episode.outcomes) if each.repair == repair and each.ok] if episode else []
+        )
+        if episode is None or not places:
+            return
+        judged = episode.outcomes[places[-1]].because(reason.rule, reason.text, verdict=verdict).plain()
+        episode.outcomes = [*episode.outcomes[: places[-1]], judged, *episode.outcomes[places[-1] + 1 :]]
         self.note(episode)
 
     def end(self, episode: Incident, outcome: Outcome, stamp: str, uptime: float) -> None:
@@ -209,56 +230,39 @@ def read(shelf: Shelf) -> list[Incident]:
     return list(found.values())
 
 
+_PLAIN = (
+    *("id", "kind", "fault", "target", "key", "summary", "status", "boot", "by", "opened", "opened_uptime"),
+    *("closed", "closed_uptime", "outcome", "hint", "until"),
+)
+_LISTS = ("chain", "evidence", "causes")
+
+
 def to_json(episode: Incident) -> dict[str, Any]:
     """An incident as its line has it, and ``octoform incidents --json``."""
     return {
         "format": FORMAT,
-        "id": episode.id,
-        "kind": episode.kind,
-        "fault": episode.fault,
-        "target": episode.target,
-        "key": episode.key,
-        "summary": episode.summary,
-        "status": episode.status,
-        "boot": episode.boot,
-        "chain": list(episode.chain),
-        "evidence": list(episode.evidence),
-        "by": episode.by,
-        "causes": list(episode.causes),
-        "opened": episode.opened,
-        "opened_uptime": episode.opened_uptime,
-        "closed": episode.closed,
-        "closed_uptime": episode.closed_uptime,
-        "tries": [
-            {"repair": made.repair, "at": made.at, "ok": made.ok, "detail": made.detail, "seconds": made.seconds}
-            for made in episode.tries
-        ],
-        "outcome": episode.outcome,
-        "spent": {
-            "calls": episode.spent.calls,
-            "input_tokens": episode.spent.input_tokens,
-            "output_tokens": episode.spent.output_tokens,
-            "usd": episode.spent.usd,
-        },
-        "hint": episode.hint,
-        "diagnosis": None if episode.diagnosis is None else _of_finding(episode.diagnosis),
-        "until": episode.until,
+        **{name: getattr(episode, name) for name in _PLAIN},
+        **{name: list(getattr(episode, name)) for name in _LISTS},
+        "tries": [made.to_json() for made in episode.tries],
+        "refused": [refusal.to_json() for refusal in episode.outcomes if not refusal.begun],
+        "spent": episode.spent.to_json(),
+        "diagnosis": None if episode.diagnosis is None else asdict(episode.diagnosis),
     }
 
 
-def _of_finding(finding: Finding) -> dict[str, Any]:
-    return {**asdict(finding), "data": dict(finding.data)}
+def described(finding: Finding) -> dict[str, Any]:
+    """The members of an incident that its finding gives, and gives otherwise when the problem is seen otherwise."""
+    return {
+        "summary": escaped(finding.summary)[:SUMMARY],
+        "status": finding.status,
+        "chain": tuple(repair.value for repair in (finding.repair, *finding.then)),
+        "evidence": tuple(escaped(item)[:SUMMARY] for item in finding.evidence[:20]),
+    }
 
 
-def added(one: Spent, other: Spent) -> Spent:
-    """The sum; dollars are unknown when one of them is."""
-    usd = None if one.usd is None or other.usd is None else one.usd + other.usd
-    return Spent(
-        one.calls + other.calls,
-        one.input_tokens + other.input_tokens,
-        one.output_tokens + other.output_tokens,
-        usd,
-    )
+def _like(one: RepairOutcome, other: RepairOutcome) -> bool:
+    """The same repair, refused by the same rules; the words may count seconds."""
+    return one.repair == other.repair and [each.rule for each in one.reasons] == [each.rule for each in other.reasons]
 
 
 def _torn(descriptor: int) -> bool:
@@ -279,12 +283,7 @@ def _decoded(line: bytes) -> Incident | None:
 
 
 def _episode(entry: Mapping[str, Any]) -> Incident:
-    tries = [
-        Try(str(item["repair"]), str(item["at"]), bool(item["ok"]), str(item["detail"]), number(item["seconds"]))
-        for item in entry["tries"]
-    ]
-    spent = entry["spent"]
-    usd = spent["usd"]
+    outcomes = [RepairOutcome.from_json(item) for item in (*entry["tries"], *entry.get("refused", ()))]
     closed_uptime = entry["closed_uptime"]
     return Incident(
         id=str(entry["id"]),
@@ -303,14 +302,9 @@ def _episode(entry: Mapping[str, Any]) -> Incident:
         causes=tuple(str(item) for item in entry["causes"]),
         closed=entry["closed"],
         closed_uptime=None if closed_uptime is None else number(closed_uptime),
-        tries=tries,
+        outcomes=sorted(outcomes, key=lambda each: each.at),
         outcome=Outcome(entry["outcome"]),
-        spent=Spent(
-            int(spent["calls"]),
-            int(spent["input_tokens"]),
-            int(spent["output_tokens"]),
-            None if usd is None else number(usd),
-        ),
+        spent=Cost.from_json(entry["spent"]),
         hint=str(entry["hint"]),
         diagnosis=_finding(entry["diagnosis"]) if entry.get("diagnosis") is not None else None,
         until=None if entry.get("until") is None else number(entry["until"]),

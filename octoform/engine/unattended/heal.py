@@ -5,13 +5,12 @@ once the agent has ended: the same repairs that triage has, and the packages dec
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from octoform.apply import heal as healing
 from octoform.apply.context import Context
-from octoform.apply.duty import DutyOutcome, refusal
+from octoform.apply.repair_outcome import RepairOutcome, RepairVerdict
 from octoform.apply.rewrite import pending_rewrite, promotion
 from octoform.diagnostics import Diagnostic, error, has_errors
 from octoform.endpoint.process import estop, start_stop
@@ -20,8 +19,6 @@ from octoform.engine.tools import layout_of
 from octoform.engine.unattended.rediscover import Left, redeploy, rediscover
 from octoform.engine.unattended.repairs import restore
 from octoform.engine.unattended.session import ready, run_task
-from octoform.harness.port import Usage
-from octoform.harness.watcher import added
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME
 from octoform.state.layout import Layout, is_left
@@ -33,31 +30,28 @@ ASK = "ask"
 
 def heal(
     project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
-) -> dict[str, Any]:
+) -> RepairOutcome:
     """Ask the agent of HEAL for a repair of one error, and carry out what it proposes where that holds.
 
-    ``brief`` is ``{error, readings, failures, target, episode, since}``, ``error`` one of a report of WATCH. The result
-    is as that of `diagnose`: ``action`` is what was done, ``changed`` is True where another server or another set of
-    packages is in service, ``again`` False where only a person can help.
+    ``brief`` is ``{error, readings, failures, target, episode, since}``, ``error`` one of a report of WATCH. The
+    outcome's ``report`` names the action that was done.
     """
     answer = run_task(project, environ, healing.HEAL, lambda context: _done(context, healing.heal, brief), ports)
-    act = ACTIONS.get(answer.action or "")
+    act = ACTIONS.get(str((answer.report or {}).get("action"))) if answer.ok else None
     layout, _ = layout_of(project, environ)
-    if not answer.ok or act is None or layout is None:
-        return answer.to_document()
+    if act is None or layout is None:
+        return answer
     if estop.is_engaged(layout):
-        held = DutyOutcome(ok=False, detail="an emergency stop was given meanwhile, so nothing is carried out")
-        return _joined(answer, held).to_document()
-    return _joined(answer, act(layout, environ, Left.of(brief, answer.calls, answer.usage.cost_usd))).to_document()
+        text = "an emergency stop was given meanwhile, so nothing is carried out"
+        return RepairOutcome.refused("heal.estop", text).after(answer)
+    return act(layout, environ, Left.of(brief, answer.spent.calls, answer.spent.usd)).after(answer)
 
 
 def roll_back(
     project: Path, environ: Mapping[str, str], brief: Mapping[str, Any], ports: Ports | None = None
-) -> dict[str, Any]:
+) -> RepairOutcome:
     """Put the server back that an incident's repair has replaced; ``brief`` is ``{episode, reason}``."""
-    return run_task(
-        project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports
-    ).to_document()
+    return run_task(project, environ, ROLL_BACK, lambda context: _done(context, healing.roll_back, brief), ports)
 
 
 def waiting_rewrite(project: Path, environ: Mapping[str, str], identity: str) -> pending_rewrite.Rewrite | None:
@@ -90,77 +84,55 @@ def decide_rewrite(
     return error("HEAL-NOT-CONFIRMED", f"{rewrite.id} is not in service: {answer.detail}", hint=hint)
 
 
-def settle(layout: Layout, environ: Mapping[str, str]) -> dict[str, Any] | None:
+def settle(layout: Layout, environ: Mapping[str, str]) -> RepairOutcome | None:
     """Finish or take back what a killed repair or step has left in service; None when it has left nothing."""
     if not is_left(layout) or is_marked(layout):
         return None
-    return run_task(layout.project, environ, SETTLE, _settled).to_document()
+    return run_task(layout.project, environ, SETTLE, _settled)
 
 
-def _settled(context: Context) -> DutyOutcome:
+def _settled(context: Context) -> RepairOutcome:
     found = promotion.put_back(context, smoke=False)
     if has_errors(found):
-        return refusal(found)
-    return DutyOutcome(
-        ok=True, detail="what a killed repair had left in service is settled: the accepted server is served"
-    )
+        return RepairOutcome.of_diagnostics(found)
+    text = "what a killed repair had left in service is settled: the accepted server is served"
+    return RepairOutcome.done("settle.served", text)
 
 
 def _done(
-    context: Context, duty: Callable[[Context, Mapping[str, Any]], DutyOutcome], brief: Mapping[str, Any]
-) -> DutyOutcome:
+    context: Context, duty: Callable[[Context, Mapping[str, Any]], RepairOutcome], brief: Mapping[str, Any]
+) -> RepairOutcome:
     found = ready(context)
-    return refusal(found) if has_errors(found) else duty(context, brief)
+    return RepairOutcome.of_diagnostics(found) if has_errors(found) else duty(context, brief)
 
 
-def _joined(asked: DutyOutcome, done: DutyOutcome) -> DutyOutcome:
-    """The result of the action, with the agent's report and cost before it."""
-    return replace(
-        done,
-        detail=f"{done.detail} ({asked.detail})",
-        report=asked.report,
-        action=asked.action,
-        calls=asked.calls + done.calls,
-        usage=added(asked.usage, done.usage),
-    )
+def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> RepairOutcome:
+    return restore(layout)
 
 
-def _restored(layout: Layout, _: Mapping[str, str], _left: Left) -> DutyOutcome:
-    done = restore(layout)
-    return DutyOutcome(ok=done.ok, detail=done.detail, again=done.again)
-
-
-def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> DutyOutcome:
+def _restarted(layout: Layout, _: Mapping[str, str], _left: Left) -> RepairOutcome:
     if is_marked(layout):
-        return DutyOutcome(ok=False, detail="a person has stopped the endpoint; it stays so")
+        return RepairOutcome.refused("heal.stopped", "a person has stopped the endpoint; it stays so")
     problem = start_stop.obstacle(layout)
     if problem is not None:
-        return refusal([problem])
+        return RepairOutcome.of_diagnostics([problem])
     start_stop.stop(layout)
     process, problem = start_stop.start(layout)
     if process is None:
-        return refusal([problem] if problem is not None else [])
-    return DutyOutcome(ok=True, detail="the endpoint was started again")
+        return RepairOutcome.of_diagnostics([problem] if problem is not None else [], verdict=RepairVerdict.FAILED)
+    return RepairOutcome.done("heal.restart", "the endpoint was started again")
 
 
-def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> DutyOutcome:
+def _redeployed(layout: Layout, environ: Mapping[str, str], _left: Left) -> RepairOutcome:
     return redeploy(layout, environ)
 
 
-def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> DutyOutcome:
+def _rediscovered(layout: Layout, environ: Mapping[str, str], left: Left) -> RepairOutcome:
     manifest, _ = load(layout.project / FILE_NAME, environ)
-    found = rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
-    spent = found.get("spent") or {}
-    return DutyOutcome(
-        ok=bool(found["ok"]),
-        detail=str(found["detail"]),
-        again=bool(found["again"]),
-        calls=int(spent.get("calls") or 0),
-        usage=Usage(spent.get("input_tokens"), None, spent.get("output_tokens"), spent.get("usd", 0.0)),
-    )
+    return rediscover(layout, environ, apply=manifest.daemon.apply if manifest is not None else ASK, left=left)
 
 
-ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], DutyOutcome]] = {
+ACTIONS: Mapping[str, Callable[[Layout, Mapping[str, str], Left], RepairOutcome]] = {
     "restore": _restored,
     "redeploy": _redeployed,
     "restart": _restarted,

@@ -15,9 +15,10 @@ What is asked lies in ``daemon/asks.json``, once for each change.
 """
 
 from collections.abc import Iterator, Mapping
+from dataclasses import replace
 from typing import Any
 
-from octoform.apply.duty import DutyOutcome
+from octoform.apply.repair_outcome import Cost, RepairOutcome, RepairVerdict
 from octoform.apply.rewrite.promotion import MAKER
 from octoform.diagnostics import Diagnostic, Severity, has_errors
 from octoform.endpoint.process.record import is_marked
@@ -27,7 +28,6 @@ from octoform.engine.apply.rollback import Former, forget, go_back, keep, rememb
 from octoform.engine.plan.plan import Outlook, Request, prepare
 from octoform.engine.results import RunResult, Unwatched
 from octoform.graph.model import HARDWARE, STEP, input_of, key_parts, moved_parts
-from octoform.harness.port import Usage
 from octoform.host import root_from_environment, settle
 from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import Cause, PlannedAction
@@ -97,30 +97,31 @@ def _dollars(manifest: Manifest, dear: list[PlannedAction]) -> float | None:
 AUTO = "auto"
 LOCK_SECONDS = 60.0
 NO_CAP = Left()
+_AS_SEEN = RepairOutcome.done("rediscover.as-seen", "the hardware is what PROBE saw")
 _OURS = frozenset({Cause.UPSTREAM, Cause.ENDPOINT, Cause.FAILED, Cause.INTERRUPTED, Cause.INSTANCES_GONE})
 """Reasons that no person's edit is behind."""
 _BEFORE = ("compile", "lock", "state", "plan", "approval")
 """Where a run stops before it has changed anything."""
 
 
-def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: Left = NO_CAP) -> dict[str, Any]:
+def rediscover(layout: Layout, environ: Mapping[str, str], *, apply: str, left: Left = NO_CAP) -> RepairOutcome:
     """Onboard what changed, or ask; ``apply`` is the manifest's ``daemon.apply``, ``left`` what agents may cost.
 
-    ``{ok, detail, again, spent, asked}``: ``asked`` is True where a question lies in ``daemon/asks.json`` now that was
-    not there before.
+    The outcome has ``asked`` where a question lies in ``daemon/asks.json`` now that was not there before.
     """
     if is_marked(layout):
-        return _document(False, "a person has stopped the endpoint; what changed waits for octoform apply", again=False)
+        text = "a person has stopped the endpoint; what changed waits for octoform apply"
+        return RepairOutcome.refused("rediscover.stopped", text, again=False)
     settle(root_from_environment(environ))
     request = Request(layout.project, environ)
     if apply == AUTO:
         return _carried_out(layout, request, left)
     outlook, found = prepare(request)
     if outlook is None:
-        return _document(False, f"there is no plan: {_words(found)}", again=False)
+        return RepairOutcome.refused("rediscover.no-plan", f"there is no plan: {_words(found)}", again=False)
     mine = _Consent(layout, apply, left)
     mine(outlook)
-    return mine.answer or _document(True, "the hardware is what PROBE saw")
+    return mine.answer or _AS_SEEN
 
 
 class _Consent:
@@ -130,7 +131,7 @@ class _Consent:
         self._layout = layout
         self._left = left
         self._apply = apply
-        self.answer: dict[str, Any] | None = None
+        self.answer: RepairOutcome | None = None
         self.former: Former | None = None
         self.free = True
         """No agent of the plan uses a model, so that it costs nothing."""
@@ -139,17 +140,19 @@ class _Consent:
         """True when it may be done; what the host has before it is remembered then."""
         self.free = not any(item.calls_model for item in outlook.plan.work)
         if outlook.compiled.layout.host != self._layout.host:
-            self.answer = _document(False, f"the manifest is of host {outlook.compiled.layout.host} now", again=False)
+            text = f"the manifest is of host {outlook.compiled.layout.host} now"
+            self.answer = RepairOutcome.refused("rediscover.other-host", text, again=False)
         elif not any(item.node == "probe" for item in outlook.plan.work):
             approval.withdraw(self._layout)
-            self.answer = _document(True, "the hardware is what PROBE saw")
+            self.answer = _AS_SEEN
         elif why := (*_asking(self._apply), *objections(outlook), *shortages(outlook, self._left)):
             self.answer = _asked(self._layout, outlook, why)
         else:
             self.former = remember(self._layout, outlook.snapshot)
             problem = keep(self.former) if self.former is not None else None
             if problem is not None:
-                self.answer = _document(False, f"what there is cannot be kept, so nothing is begun: {problem.summary}")
+                text = f"what there is cannot be kept, so nothing is begun: {problem.summary}"
+                self.answer = RepairOutcome.refused("rediscover.not-kept", text)
         return self.answer is None
 
 
@@ -190,58 +193,54 @@ def _others(outlook: Outlook, item: PlannedAction) -> Iterator[str]:
             yield f"changed {part}"
 
 
-def _carried_out(layout: Layout, request: Request, left: Left) -> dict[str, Any]:
+def _carried_out(layout: Layout, request: Request, left: Left) -> RepairOutcome:
     mine = _Consent(layout, AUTO, left)
     with taken_back(lambda: mine.former):
         result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.answer is not None:
         return mine.answer
-    spent = _spent(result, free=mine.free)
+    cost = _cost(result, free=mine.free)
     if result.failed is None and mine.former is None and not result.agent_runs:
-        return _document(True, "the hardware is what PROBE saw")
+        return _AS_SEEN
     if result.failed is None:
         forget(layout)
         tools = len(result.endpoint.tools) if result.endpoint is not None else 0
-        return {
-            **_document(
-                True, f"{result.changed + result.alike + result.added} nodes were made again, {tools} tools now"
-            ),
-            **spent,
-        }
+        text = f"{result.changed + result.alike + result.added} nodes were made again, {tools} tools now"
+        return RepairOutcome.done("rediscover.onboarded", text, changed=True, cost=cost)
     why = f"{result.failed} failed: {_words(result.diagnostics)}"
     if mine.former is None and result.failed in _BEFORE:
-        return {**_document(False, why), **spent}
-    return {**_undone(mine.former, why), **spent}
+        return RepairOutcome.refused("rediscover.not-begun", why, cost=cost)
+    return _undone(mine.former, RepairOutcome.failed("rediscover.stage", why, cost=cost))
 
 
-def _undone(former: Former | None, why: str) -> dict[str, Any]:
+def _undone(former: Former | None, failed: RepairOutcome) -> RepairOutcome:
+    """A run that failed, once everything is as it was before it, or why it is not."""
     if former is None:
-        return _document(False, f"{why}; before it the host was not whole, so octoform apply goes on from here")
+        return failed.because(
+            "rediscover.left", "before it the host was not whole, so octoform apply goes on from here"
+        )
     problems = go_back(former)
     if has_errors(problems):
-        return _document(False, f"{why}; it could not be taken back: {_words(problems)}", again=False)
-    return _document(False, f"{why}; everything is as it was before, and the former endpoint serves")
+        return failed.because("rediscover.left", f"it could not be taken back: {_words(problems)}", again=False)
+    text = "everything is as it was before, and the former endpoint serves"
+    return failed.because("rediscover.taken-back", text, verdict=RepairVerdict.ROLLED_BACK)
 
 
-def _asked(layout: Layout, outlook: Outlook, why: tuple[str, ...]) -> dict[str, Any]:
+def _asked(layout: Layout, outlook: Outlook, why: tuple[str, ...]) -> RepairOutcome:
     plan = outlook.plan
     hardware = sorted(f"{change.action.value} {change.name}" for change in plan.changes if change.kind == HARDWARE)
     question = approval.Question(tuple(hardware), tuple(item.node for item in plan.work), why)
     fresh, problem = approval.ask(layout, question)
     if problem is not None:
-        return _document(False, f"{question.text}; the question could not be kept: {problem.summary}")
-    return {**_document(False, question.text, again=False), "asked": fresh}
+        text = f"{question.text}; the question could not be kept: {problem.summary}"
+        return RepairOutcome.refused("rediscover.not-asked", text)
+    return RepairOutcome.refused("rediscover.asks", question.text, again=False, asked=fresh)
 
 
-def _spent(result: RunResult, *, free: bool) -> dict[str, Any]:
+def _cost(result: RunResult, *, free: bool) -> Cost:
     used = result.usage
     usd = 0.0 if free and used.cost_usd is None else used.cost_usd
-    tokens = {"input_tokens": used.input_tokens or 0, "output_tokens": used.output_tokens or 0}
-    return {"spent": {"calls": result.agent_runs, **tokens, "usd": usd}}
-
-
-def _document(ok: bool, detail: str, *, again: bool = True) -> dict[str, Any]:
-    return {"ok": ok, "detail": detail, "again": again, "asked": False}
+    return Cost(result.agent_runs, used.input_tokens or 0, used.output_tokens or 0, usd)
 
 
 def _words(found: "tuple[Diagnostic, ...] | list[Diagnostic]") -> str:
@@ -258,22 +257,25 @@ def _words(found: "tuple[Diagnostic, ...] | list[Diagnostic]") -> str:
 MADE = ("deploy", "endpoint")
 
 
-def redeploy(layout: Layout, environ: Mapping[str, str]) -> DutyOutcome:
+def redeploy(layout: Layout, environ: Mapping[str, str]) -> RepairOutcome:
     """Have the packages of the endpoint decided again, and serve from them where their test holds."""
     if is_marked(layout):
-        return DutyOutcome(ok=False, detail="a person has stopped the endpoint; it stays so")
+        return RepairOutcome.refused("redeploy.stopped", "a person has stopped the endpoint; it stays so")
     mine = _RedeployConsent(layout)
     request = Request(layout.project, environ, replace=("deploy",), reuse=False)
     with taken_back(lambda: mine.former):
         result = apply(request, Options(consent=mine, lock_seconds=LOCK_SECONDS), Unwatched())
     if mine.why:
-        return DutyOutcome(ok=False, detail=f"the packages are not decided again: {mine.why}", again=False)
-    usage = Usage(result.usage.input_tokens, None, result.usage.output_tokens, result.usage.cost_usd)
+        text = f"the packages are not decided again: {mine.why}"
+        return RepairOutcome.refused("redeploy.not-alone", text, again=False)
+    cost = _cost(result, free=not result.agent_runs)
     if result.failed is None:
         forget(layout)
-        detail = "the packages of the endpoint were decided again, and it serves from them"
-        return DutyOutcome(ok=True, detail=detail, changed=True, calls=result.agent_runs, usage=usage)
-    return DutyOutcome(ok=False, detail=_redeploy_undone(mine.former, result), calls=result.agent_runs, usage=usage)
+        text = "the packages of the endpoint were decided again, and it serves from them"
+        return RepairOutcome.done("redeploy.served", text, changed=True, cost=cost)
+    text = "; ".join(item.summary for item in result.diagnostics if item.severity is Severity.ERROR)
+    failed = RepairOutcome.failed("redeploy.stage", f"{result.failed} failed: {text}", cost=cost)
+    return failed if mine.former is None else replace(_undone(mine.former, failed), again=True)
 
 
 class _RedeployConsent:
@@ -298,14 +300,3 @@ class _RedeployConsent:
             self.why = problem.summary if problem is not None else ""
             self.why = self.why if self.former is not None else "the host is not as it was applied"
         return not self.why
-
-
-def _redeploy_undone(former: Former | None, result: RunResult) -> str:
-    text = "; ".join(item.summary for item in result.diagnostics if item.severity is Severity.ERROR)
-    why = f"{result.failed} failed: {text}"
-    if former is None:
-        return why
-    problems = go_back(former)
-    if has_errors(problems):
-        return f"{why}; it could not be taken back: {problems[0].summary}"
-    return f"{why}; everything is as it was before, and the former endpoint serves"

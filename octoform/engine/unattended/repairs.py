@@ -1,6 +1,6 @@
 """The repairs that are heavy: under the state's lock, bounded in time, and never worse than what was there. (Heavy.)
 
-Each gives a `Repaired`; none raises for what the world does. They run in a child of the daemon.
+None raises for what the world does. They run in a child of the daemon.
 """
 
 import os
@@ -10,6 +10,7 @@ from collections.abc import Callable
 from dataclasses import field
 from pathlib import Path
 
+from octoform.apply.repair_outcome import Reason, RepairOutcome, RepairVerdict
 from octoform.base import clock
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, has_errors
@@ -207,69 +208,63 @@ BUILD_SECONDS = 300.0
 CLEAN_SECONDS = 60.0
 
 
-@dataclass(frozen=True, slots=True)
-class Repaired:
-    """How a repair ended: ``detail`` in plain sentences, ``again`` False when no further try can help."""
-
-    ok: bool
-    detail: str = ""
-    again: bool = True
-
-
-def restore(layout: Layout) -> Repaired:
+def restore(layout: Layout) -> RepairOutcome:
     """Put the damaged accepted artifacts and the endpoint's own files back."""
     return _locked(layout, "restore", lambda: _repaired(restore_artifacts(layout), restore_endpoint(layout)))
 
 
-def republish(layout: Layout) -> Repaired:
+def republish(layout: Layout) -> RepairOutcome:
     """Put the endpoint's own files back as they were published, and see whether it answers."""
     return _locked(layout, "republish", lambda: _republished(layout))
 
 
-def rebuild(layout: Layout) -> Repaired:
+def rebuild(layout: Layout) -> RepairOutcome:
     """Build the serving environment from its lock again, and start the endpoint from it."""
     return _locked(layout, "rebuild", lambda: _rebuilt(layout))
 
 
-def _locked(layout: Layout, operation: str, work: Callable[[], Repaired]) -> Repaired:
+def _locked(layout: Layout, operation: str, work: Callable[[], RepairOutcome]) -> RepairOutcome:
     acquired = acquire(layout, operation, Waiting(timeout=LOCK_SECONDS))
     if acquired.lock is None:
-        return Repaired(False, _words(acquired.diagnostics))
+        return RepairOutcome.of_diagnostics(acquired.diagnostics)
     with acquired.lock:
         return work()
 
 
-def _repaired(*parts: Restored) -> Repaired:
+def _repaired(*parts: Restored) -> RepairOutcome:
     text = "; ".join(filter(None, (part.text for part in parts)))
     if not text:
-        return Repaired(True, "every file is as it was accepted")
+        return RepairOutcome.done("restore.whole", "every file is as it was accepted")
     failed, lost = any(part.failed for part in parts), any(part.lost for part in parts)
     if any(part.back for part in parts) and not failed and not lost:
-        return Repaired(True, text)
+        return RepairOutcome.done("restore.put-back", text)
     # What is left is left on purpose, and what is lost stays lost: before a person has decided, no try changes that.
-    return Repaired(False, text, again=failed)
+    return RepairOutcome.failed("restore.left", text, again=failed)
 
 
-def _republished(layout: Layout) -> Repaired:
+def _republished(layout: Layout) -> RepairOutcome:
     done = _repaired(restore_endpoint(layout))
     if not done.ok or is_marked(layout):
         return done
     interface, _ = read_regular(layout.output("interface"))
     value, found = parse("interface", interface or b"", str(layout.output("interface")))
     if not isinstance(value, dict):
-        return Repaired(False, f"{done.detail}; the tools cannot be compared: {_words(found)}")
+        text = f"the tools cannot be compared: {_words(found)}"
+        return done.because("republish.interface", text, verdict=RepairVerdict.FAILED)
     report = check(layout, shown_tools(layout, value))
     errors = [item for item in judge_check(report, value) if item.severity == "error"]
     if errors:
-        return Repaired(False, f"{done.detail}; the endpoint does not pass its check: {_words(errors)}")
-    return Repaired(True, f"{done.detail}; the endpoint answers with {len(report.tools)} tools")
+        text = f"the endpoint does not pass its check: {_words(errors)}"
+        return done.because("republish.check", text, verdict=RepairVerdict.FAILED)
+    return done.because("republish.check", f"the endpoint answers with {len(report.tools)} tools")
 
 
-def _rebuilt(layout: Layout) -> Repaired:
+def _rebuilt(layout: Layout) -> RepairOutcome:
     files = restore_artifacts(layout)  # the lock itself may be what is damaged
     lock, problem = read_regular(layout.requirements_lock)
     if lock is None:
-        return Repaired(False, _words([problem]) if problem else f"the lock of the endpoint is gone; {files.text}")
+        text = _words([problem]) if problem else f"the lock of the endpoint is gone; {files.text}"
+        return RepairOutcome.refused("rebuild.no-lock", text)
     started = time.monotonic()
     text = lock.decode("utf-8", "replace")
     environment, problems = _built_again(layout, text)
@@ -281,11 +276,14 @@ def _rebuilt(layout: Layout) -> Repaired:
         environment, problems = _built_again(layout, text)
         wrong = altered(packages_of(environment.path)) if environment is not None else []
     if environment is None:
-        return Repaired(False, f"the environment cannot be built, and is as it was: {_words(problems)}")
-    detail = f"built the serving environment again in {time.monotonic() - started:.1f} s"
+        text = f"the environment cannot be built, and is as it was: {_words(problems)}"
+        return RepairOutcome(RepairVerdict.ROLLED_BACK, (Reason("rebuild.not-built", text),))
+    built = f"built the serving environment again in {time.monotonic() - started:.1f} s"
+    done = RepairOutcome.done("rebuild.built", built, changed=True)
     if wrong:
-        return Repaired(False, f"{detail}; files of it are still not those of the lock: {', '.join(wrong[:5])}")
-    return _restarted(layout, detail)
+        text = f"files of it are still not those of the lock: {', '.join(wrong[:5])}"
+        return done.because("rebuild.altered", text, verdict=RepairVerdict.FAILED)
+    return _restarted(layout, done)
 
 
 def _built_again(layout: Layout, lock: str) -> tuple[Environment | None, tuple[Diagnostic, ...]]:
@@ -306,17 +304,17 @@ def _built_again(layout: Layout, lock: str) -> tuple[Environment | None, tuple[D
     return built, problems
 
 
-def _restarted(layout: Layout, detail: str) -> Repaired:
+def _restarted(layout: Layout, done: RepairOutcome) -> RepairOutcome:
     if is_marked(layout):
-        return Repaired(True, f"{detail}; a person has stopped the endpoint, so it is not started")
+        return done.because("rebuild.stopped", "a person has stopped the endpoint, so it is not started")
     if running(layout) is not None:
         if problem := start_stop.obstacle(layout):
-            return Repaired(False, f"{detail}; {_words([problem])}")
+            return done.because("rebuild.not-started", _words([problem]), verdict=RepairVerdict.FAILED)
         start_stop.stop(layout)
     process, problem = start_stop.start(layout)
     if process is None:
-        return Repaired(False, f"{detail}; {_words([problem] if problem else [])}")
-    return Repaired(True, f"{detail}; the endpoint runs from it")
+        return done.because("rebuild.not-started", _words([problem] if problem else []), verdict=RepairVerdict.FAILED)
+    return done.because("rebuild.started", "the endpoint runs from it")
 
 
 def _words(found: "list[Diagnostic] | tuple[Diagnostic, ...]") -> str:

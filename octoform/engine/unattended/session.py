@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty import DutyOutcome, refusal
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.apply.rewrite import promotion
 from octoform.apply.stage.serve_proof import service_of
 from octoform.apply.watch import WATCH, watch
@@ -44,12 +44,12 @@ from octoform.state.store.store import Ports
 LOCK_SECONDS = 30.0
 """How long a duty waits for somebody else who works on the host: longer than a plan, shorter than an apply."""
 
-Work = Callable[[Context], DutyOutcome]
+Work = Callable[[Context], RepairOutcome]
 
 
 def run_task(
     project: Path, environ: Mapping[str, str], operation: str, work: Work, ports: Ports | None = None
-) -> DutyOutcome:
+) -> RepairOutcome:
     """Do the work under the lock of the host's state; what is in the way is an answer too.
 
     ``operation`` is the lock's operation meanwhile. The state file is written again, and committed where the manifest
@@ -57,10 +57,10 @@ def run_task(
     """
     with locked(project, environ, operation, LOCK_SECONDS) as held:
         if isinstance(held, HostRefused):
-            return refusal(held.diagnostics)
+            return RepairOutcome.of_diagnostics(held.diagnostics)
         there = opened(held.compiled, ports)
         if isinstance(there, HostRefused):
-            return refusal(there.diagnostics)
+            return RepairOutcome.of_diagnostics(there.diagnostics)
         with logging_to(held.compiled.layout.call_log, Clock(), _no_sink) as emit:
             sweep(held.compiled.layout.attempts)
             for text in (*held.notices, *there.undone, *there.finished):
@@ -69,17 +69,17 @@ def run_task(
             return _worked(held, there, means, operation, work)
 
 
-def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Work) -> DutyOutcome:
+def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Work) -> RepairOutcome:
     compiled, store = held.compiled, there.store
     unready = _unready(held, there)
     if unready is not None:
-        return refusal([unready])
+        return RepairOutcome.of_diagnostics([unready])
     context = context_of(compiled, look(compiled, store.snapshot, means.environ), store, means)
     if there.finished and not is_marked(compiled.layout):
         # What a killed run had begun is carried through; the endpoint is published from it, as the next plan expects.
         found = promotion.published(context, smoke=False)
         if has_errors(found):
-            return refusal(found)
+            return RepairOutcome.of_diagnostics(found)
     try:
         answer = work(context)
     except BaseException:
@@ -89,7 +89,7 @@ def _worked(held: Locked, there: Opened, means: Means, operation: str, work: Wor
     return _recorded(held, there, operation, answer)
 
 
-def _recorded(held: Locked, there: Opened, operation: str, answer: DutyOutcome) -> DutyOutcome:
+def _recorded(held: Locked, there: Opened, operation: str, answer: RepairOutcome) -> RepairOutcome:
     """The state file and the commit; a repair that is in service and not recorded is stated, and still one."""
     layout, unsettled = held.compiled.layout, there.store.unsettled
     found = there.store.commit_snapshot()
@@ -101,7 +101,7 @@ def _recorded(held: Locked, there: Opened, operation: str, answer: DutyOutcome) 
         found += more
     if not has_errors(found):
         return answer
-    return replace(answer, detail=f"{answer.detail} ({refusal(found).detail})")
+    return replace(answer, reasons=(*answer.reasons, *RepairOutcome.of_diagnostics(found).reasons))
 
 
 def _unready(held: Locked, there: Opened) -> Diagnostic | None:
@@ -139,14 +139,14 @@ def _no_sink(_: Event) -> None:
 # WATCH on a host: what the daemon has seen becomes a report, or nothing is known. (Heavy.)
 
 
-def diagnose(project: Path, environ: Mapping[str, str], brief: Mapping[str, Any]) -> dict[str, Any]:
+def diagnose(project: Path, environ: Mapping[str, str], brief: Mapping[str, Any]) -> RepairOutcome:
     """Ask the agent of WATCH how the deployment is.
 
     ``brief`` is ``{causes, readings, failures, claims, summary, since, target, calls}``; ``calls`` bounds the attempts.
-    The result is ``{ok, detail, again, spent, report, action, changed}``; ``report`` is the accepted output, None when
-    there is none: then how the deployment is stays unknown. Nothing of the host is changed.
+    ``report`` of the outcome is the accepted output, None when there is none: then how the deployment is stays unknown.
+    Nothing of the host is changed.
     """
-    return run_task(project, environ, WATCH, lambda context: watch(context, brief)).to_document()
+    return run_task(project, environ, WATCH, lambda context: watch(context, brief))
 
 
 # What the project's profiles call clean of what its tools measure, for the ledger of claims.
@@ -177,11 +177,12 @@ def take_over(layout: Layout, environ: Mapping[str, str], foreign: Diagnostic) -
     return None if done.ok else replace(foreign, detail=done.detail)
 
 
-def _published(context: Context) -> DutyOutcome:
+def _published(context: Context) -> RepairOutcome:
     if not is_published_for(context.layout, service_of(context), context.environ):
-        return DutyOutcome(
-            ok=False, detail="the manifest was edited since it was applied, or the endpoint's files were"
-        )
+        text = "the manifest was edited since it was applied, or the endpoint's files were"
+        return RepairOutcome.refused("start.edited", text)
     unmark(context.layout)  # a person starts it, and the daemon judges nothing while this holds the state's lock
     found = promotion.published(context, smoke=False)
-    return refusal(found) if has_errors(found) else DutyOutcome(ok=True, detail="the endpoint is this folder's own")
+    if has_errors(found):
+        return RepairOutcome.of_diagnostics(found)
+    return RepairOutcome.done("start.own", "the endpoint is this folder's own")

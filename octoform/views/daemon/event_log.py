@@ -9,10 +9,11 @@ from contextlib import suppress
 from statistics import median
 from typing import Any
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.escaping import escaped_json
 from octoform.daemon.model import Outcome, Status
 from octoform.daemon.reconcile.supervisor import Cycle
-from octoform.daemon.store.incidents import Incident, Try
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.incidents import to_json as episode_json
 from octoform.diagnostics import Diagnostic
 from octoform.views.format import problems, table
@@ -114,7 +115,7 @@ class Lines:
         for episode in made.opened:
             yield episode.target, (STYLES[episode.status],), episode.summary, ()
         for episode, tried in made.tried:  # before what was begun because of it
-            word = f"{tried.repair} {'done' if tried.ok else 'failed'} in {length(tried.seconds)}"
+            word = f"{tried.repair} {'done' if tried.ok else 'failed'} in {length(tried.seconds or 0.0)}"
             yield episode.target, (), f"{word}{f': {tried.detail}' if tried.detail else ''}", _colour(tried)
         for target, repair in _under_way(made):
             yield target, (), f"{repair} ...", ("dim",)
@@ -206,7 +207,7 @@ class Silence:
         """There is nothing to clear away."""
 
 
-def _tried(episode: Incident, tried: Try) -> dict[str, Any]:
+def _tried(episode: Incident, tried: RepairOutcome) -> dict[str, Any]:
     return {
         "episode": episode.id,
         "target": episode.target,
@@ -229,7 +230,7 @@ def _needed(episode: Incident) -> str:
     return f"needs a person (octoform health): {episode.hint.partition('; ')[0] or episode.summary}"
 
 
-def _colour(tried: Try) -> Style:
+def _colour(tried: RepairOutcome) -> Style:
     return () if tried.ok else ("yellow",)
 
 

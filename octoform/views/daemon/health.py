@@ -8,20 +8,24 @@ import json
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from datetime import UTC, datetime
+from itertools import groupby
 from textwrap import wrap
 from typing import Any
 
+from octoform.apply.repair_outcome import Cost, RepairOutcome, RepairVerdict
+from octoform.base.clock import parse_stamp
 from octoform.base.escaping import escaped_json
 from octoform.daemon.health import ORDER, Health, Part
 from octoform.daemon.model import Outcome, Repair, Status
 from octoform.daemon.notices import Failing
 from octoform.daemon.status import OpenProblem, Survey
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.incidents import to_json as episode_json
-from octoform.diagnostics import to_json
-from octoform.views.daemon.event_log import EXIT, named
+from octoform.diagnostics import Diagnostic, to_json
+from octoform.views.daemon.event_log import EXIT, named, seconds_of
 from octoform.views.format import problems
 from octoform.views.format.console import Console
-from octoform.views.format.values import ago, clock, length, one_line
+from octoform.views.format.values import ago, clock, length, one_line, spent
 from octoform.views.plan_text import counted, recorded
 
 UNTOLD = "DAEMON-NOT-NOTIFIED"
@@ -240,3 +244,127 @@ def _reporting(health: Health) -> str:
 
 def _names(names: Sequence[str]) -> str:
     return ", ".join(names[:5]) + (f" and {len(names) - 5} more" if len(names) > 5 else "")
+
+
+# One incident: what was noticed, each repair that was considered with the reasons of its outcome, what is left to do.
+
+_VERDICTS = {
+    RepairVerdict.DONE: "green",
+    RepairVerdict.REFUSED: "yellow",
+    RepairVerdict.FAILED: "red",
+    RepairVerdict.ROLLED_BACK: "red",
+}
+_PASSIVE = {
+    Repair.WAIT.value: "none: only the hardware can change it",
+    Repair.PERSON.value: "a person",
+}
+_ENDS = {
+    Outcome.OPEN: "lasts",
+    Outcome.FROZEN: "given up",
+    Outcome.SURFACED: "waits for a person",
+    Outcome.REPAIRED: "repaired",
+    Outcome.CLEARED: "resolved by itself",
+}
+HEAD, MAX_RULE = 12, 26
+"""Columns of a heading, and of the rules of reasons at most."""
+
+
+def incident(
+    console: Console,
+    found: OpenProblem,
+    diagnostics: Sequence[Diagnostic],
+    *,
+    as_json: bool,
+    now: datetime | None = None,
+) -> int:
+    """The whole of an incident, in the order in which it went; ``now`` is what times are counted from."""
+    episode = found.episode
+    assert episode is not None
+    if as_json:
+        whole = {**episode_json(episode), "seconds": seconds_of(episode)}
+        shown = {"format": 1, "episode": whole, "waits": found.waits, "do": found.do}
+        console.raw(escaped_json(json.dumps(shown, ensure_ascii=False, indent=2)))
+        return 0
+    problems.show(console, diagnostics)
+    for line in _incident_lines(console, found, episode, now or datetime.now(UTC)):
+        console.line(line)
+    return 0
+
+
+def _incident_lines(console: Console, found: OpenProblem, episode: Incident, now: datetime) -> Iterator[str]:
+    style = STYLES[Status.HEALTHY if episode.over else episode.status]
+    took = seconds_of(episode)
+    times = f" after {length(took)}" if took is not None else "" if episode.over else f" {_since(episode.opened, now)}"
+    yield from _wrapped(console, f"incident {episode.id}: ", named(episode.target, episode.summary))
+    yield f"  {console.paint(_ENDS[episode.outcome], *style)}{times}"
+    yield ""
+    for head, text in _noticed(episode, now):
+        yield from _wrapped(console, f"  {head:{HEAD}}", text)
+    rules = [len(reason.rule) for outcome in episode.outcomes for reason in outcome.reasons]
+    if episode.outcomes:
+        yield ""
+    for outcome in episode.outcomes:
+        yield from _outcome_lines(console, outcome, parse_stamp(episode.opened), min(MAX_RULE, max(rules, default=0)))
+    lines = list(_left(found, episode))
+    if lines:
+        yield ""
+    for head, text in lines:
+        if head in ("to do", ""):  # a command is not broken: it is copied
+            yield f"  {head:{HEAD}}{console.paint(one_line(text, MAX_CHARACTERS), 'bold')}"
+        else:
+            yield from _wrapped(console, f"  {head:{HEAD}}", text)
+
+
+def _noticed(episode: Incident, now: datetime) -> Iterator[tuple[str, str]]:
+    """What was seen, and the repairs that there are for it."""
+    because = f" ({', '.join(episode.causes)})" if episode.causes else ""
+    yield "about", episode.target
+    yield "noticed", f"{clock(episode.opened, now)} by {episode.by}{because}: {episode.kind.replace('_', ' ')}"
+    if episode.evidence:
+        yield "evidence", "; ".join(episode.evidence)
+    yield "considered", _chain(episode.chain)
+    if (diagnosis := episode.diagnosis) is not None:
+        yield "diagnosis", f"by WATCH, {diagnosis.fault.replace('_', ' ')}: {diagnosis.summary}"
+        yield "considered", _chain((diagnosis.repair.value, *diagnosis.then))
+
+
+def _chain(names: Sequence[str]) -> str:
+    counts = [(_PASSIVE.get(name, name), len(list(same))) for name, same in groupby(names)]
+    return ", then ".join(f"{name} up to {count} times" if count > 1 else name for name, count in counts)
+
+
+def _outcome_lines(console: Console, outcome: RepairOutcome, day: datetime | None, width: int) -> Iterator[str]:
+    """When and what, how it ended and what it cost; below it one line for each reason, behind its rule.
+
+    ``day`` is the one that the incident began on, which no line repeats.
+    """
+    verdict = console.paint(outcome.verdict.replace("_", " "), _VERDICTS.get(outcome.verdict, "dim"))
+    facts = [f"in {length(outcome.seconds)}"] if outcome.seconds is not None else []
+    facts += [_cost(outcome.cost)] if outcome.cost is not None and outcome.cost.calls else []
+    what = f"{outcome.repair} {verdict}" if outcome.repair not in _PASSIVE else verdict
+    yield f"  {clock(outcome.at, day)}  {what} {', '.join(facts)}".rstrip()
+    for reason in outcome.reasons:
+        rule = one_line(reason.rule, 60)
+        first, *more = _wrapped(console, f"    {rule:{width}}  ", reason.text)
+        yield f"    {console.paint(rule, 'dim')}{first[4 + len(rule) :]}"
+        yield from more
+
+
+def _cost(cost: Cost) -> str:
+    return f"{counted(cost.calls, 'agent call')} ({spent(cost.input_tokens, cost.output_tokens, cost.usd)})"
+
+
+def _left(found: OpenProblem, episode: Incident) -> Iterator[tuple[str, str]]:
+    """What was not reached, what it cost, how it stands, and what a person can do."""
+    known = {each.repair for each in episode.outcomes} | _PASSIVE.keys()
+    if rest := [name for name in dict.fromkeys(episode.chain) if name not in known]:
+        yield "not tried", ", ".join(rest)
+    if episode.spent.calls:
+        yield "cost", _cost(episode.spent)
+    if found.waits:
+        yield "now", found.waits
+    if not episode.over:
+        yield "to do", found.do or "nothing: the daemon goes on by itself"
+        for code in dict.fromkeys(each.rule for made in episode.outcomes for each in made.reasons):
+            if code.isupper():
+                yield "", f"octoform explain {code}"

@@ -10,16 +10,15 @@ import pytest
 from octoform.apply import heal
 from octoform.apply.context import HEALED
 from octoform.apply.duty import (
-    DutyOutcome,
     camera_frames,
     claims_of,
     failures_of,
     readings_of,
-    refusal,
     since_of,
     summary_of,
 )
 from octoform.apply.heal import Healed, no_worse
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.base import digest
 from octoform.base.digest import of_bytes
 from octoform.diagnostics import error
@@ -66,13 +65,14 @@ def test_foreign_words_are_bounded_and_hide_nothing() -> None:
 
 
 def test_a_refusal_says_whether_another_try_makes_sense() -> None:
+    refusal = RepairOutcome.of_diagnostics
     assert refusal([error("APPLY-TIMEOUT", "it took too long")]).again
     for code in ("APPLY-AUTH", "HARNESS-UNKNOWN", "DUTY-NOT-APPLIED"):
         assert not refusal([error(code, "no")]).again
-    found = DutyOutcome(ok=True, detail="\x1b" + "d" * 5000, calls=1, usage=Usage(5, 0, 7)).to_document()
-    assert found["spent"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
-    assert len(found["detail"]) == 600 and found["detail"].startswith("\\x1b") and found["report"] is None
-    assert DutyOutcome(ok=True, detail="").to_document()["spent"]["usd"] == 0.0
+    found = RepairOutcome.done("a.b", "\x1b" + "d" * 5000, cost=Cost.of(1, Usage(5, 0, 7))).to_json()
+    assert found["cost"] == {"calls": 1, "input_tokens": 5, "output_tokens": 7, "usd": None}
+    assert len(found["detail"]) == 1500 and found["detail"].startswith("\\x1b") and "report" not in found
+    assert RepairOutcome.done("a.b").to_json()["cost"]["usd"] == 0.0
 
 
 def call(tool: str, *, ok: bool = True, kind: str | None = None, **more: Any) -> SampleCallResult:

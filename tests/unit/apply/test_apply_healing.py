@@ -12,8 +12,9 @@ from adopted import AFTER, BEFORE, GRAPH, NEW, OLD, RUNTIME, Crash, Killed, host
 
 from octoform.apply import heal
 from octoform.apply.context import Clock, Context
-from octoform.apply.duty import DutyOutcome, LogSlice
+from octoform.apply.duty import LogSlice
 from octoform.apply.heal import Case, roll_back
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.apply.rewrite import promotion
 from octoform.apply.rewrite.review import Reach
 from octoform.contracts.model import Artifacts
@@ -59,7 +60,7 @@ def mend(layout: Layout, crash: Any = pass_by) -> list[Diagnostic]:
     return heal._adopted(context(layout, crash), case, NEW)
 
 
-def back(layout: Layout, crash: Any = pass_by) -> DutyOutcome:
+def back(layout: Layout, crash: Any = pass_by) -> RepairOutcome:
     return roll_back(context(layout, crash), EPISODE)
 
 

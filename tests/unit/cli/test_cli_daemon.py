@@ -7,7 +7,7 @@ from pathlib import Path
 
 import ledgers
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed
 
 import octoform
 from octoform.claims.admission import Proposal
@@ -18,7 +18,7 @@ from octoform.cli.commands.daemon import run_confirm
 from octoform.cli.dispatch import dispatch
 from octoform.cli.parser import parse
 from octoform.daemon import main
-from octoform.daemon.model import Cause, Done, Repair
+from octoform.daemon.model import Cause, Repair
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.store import instance_lock
 from octoform.manifest.model import Daemon
@@ -88,7 +88,7 @@ def test_pause_and_resume(watched: Layout, capsys: pytest.CaptureFixture[str]) -
 def test_heal_asks_the_daemon_that_lives(watched: Layout, capsys: pytest.CaptureFixture[str]) -> None:
     world = DaemonWorld(watched.project)
     for repair in (Repair.RESTART, Repair.REBUILD):
-        world.mends[repair] = lambda world, finding: Done(False, "no such file")
+        world.mends[repair] = lambda world, finding: failed("no such file")
     world.start()
     world.die()
     world.happens(Cause.PROCESS)

@@ -3,13 +3,14 @@
 import stat
 from pathlib import Path
 
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed
 from prometheus_client.parser import text_string_to_metric_families
 
+from octoform.apply.repair_outcome import Cost
 from octoform.daemon import metrics
 from octoform.daemon.health import Health, Part
 from octoform.daemon.metrics import Picture
-from octoform.daemon.model import Cause, Done, Repair, Spent, Status
+from octoform.daemon.model import Cause, Repair, Status
 from octoform.daemon.store import incidents
 
 Numbers = dict[tuple[str, tuple[tuple[str, str], ...]], float]
@@ -53,7 +54,7 @@ def test_repairs_and_what_agents_cost_are_counted(tmp_path: Path) -> None:
     world.start()
     world.at(10, world.die, Cause.PROCESS)
     world.advance(60)
-    world.mends[Repair.RESTART] = lambda world, finding: Done(False, "no", spent=Spent(1, 100, 20, None))
+    world.mends[Repair.RESTART] = lambda world, finding: failed("no", cost=Cost(1, 100, 20, None))
     world.die()
     world.happens(Cause.PROCESS)
     found = numbers(metrics.render(Picture(health(), incidents.read(world.memory.shelf), world.now)))

@@ -8,13 +8,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed, worked
 
 import octoform
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.daemon import requests
 from octoform.daemon import status as daemon_status
 from octoform.daemon.health import Health
-from octoform.daemon.model import Cause, Done, Finding, Repair, Status
+from octoform.daemon.model import Cause, Finding, Repair, Status
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.status import survey
 from octoform.daemon.status_file import FRESH_SECONDS
@@ -137,7 +138,7 @@ def test_health_of_another_host_is_not_this_ones(watched: Layout) -> None:
 def given_up(world: DaemonWorld) -> None:
     """The endpoint dies, and no repair helps."""
     for repair in (Repair.RESTART, Repair.REBUILD):
-        world.mends[repair] = lambda world, finding: Done(False, "no such file")
+        world.mends[repair] = lambda world, finding: failed("no such file")
     world.start()
     world.die()
     world.happens(Cause.PROCESS)
@@ -210,7 +211,7 @@ def test_a_trouble_is_listed_once_under_its_own_target_whatever_an_agent_made_of
     world = DaemonWorld(tmp_path)
     error = {"tool": None, "device": "arm", "class": "broken_tool", "message": "m", "severity": "recoverable"}
     report = {"status": "error", "summary": "s", "errors": [{**error, "suggested_fix": None, "cites": []}]}
-    world.mends[Repair.WATCH] = lambda world, finding: Done(True, "", report=report)
+    world.mends[Repair.WATCH] = lambda world, finding: worked("", report=report)
     world.start()
     world.fail("read_joints")
     world.happens(Cause.LOG)
@@ -228,9 +229,9 @@ def test_what_a_person_lets_try_again_during_a_repair_leaves_no_entry_without_a_
 ) -> None:
     world = DaemonWorld(tmp_path)
 
-    def asks(world: DaemonWorld, finding: Finding) -> Done:
+    def asks(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         world.supervisor._incidents.reopen("*")
-        return Done(False, "no", again=False)
+        return failed("no", again=False)
 
     world.mends[Repair.RESTORE] = asks
     world.start()

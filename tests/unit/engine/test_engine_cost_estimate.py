@@ -6,8 +6,9 @@ from typing import Any
 
 import pytest
 
+from octoform.apply.repair_outcome import Cost
 from octoform.engine.results import RunResult, RunUsage
-from octoform.engine.unattended.rediscover import Left, _Consent, _spent, shortages
+from octoform.engine.unattended.rediscover import Left, _Consent, _cost, shortages
 from octoform.graph.model import Graph
 from octoform.manifest.model import Budget, Escalation, HarnessSpec, StageSettings
 from octoform.plan.model import Action, Cause, Plan, PlannedAction, Reason
@@ -75,13 +76,13 @@ def test_a_run_that_would_pass_a_cap_is_asked_about_and_not_begun(tmp_path: Any)
     consent = _Consent(Layout(tmp_path, "bench"), "auto", Left(calls=4))
     assert consent(outlook(FREE)) is False
     assert consent.answer is not None and consent.former is None
-    assert (consent.answer["ok"], consent.answer["again"], consent.answer["asked"]) == (False, False, True)
-    assert "the hour has 4 left (daemon.calls_per_hour)" in consent.answer["detail"]
+    assert (consent.answer.ok, consent.answer.again, consent.answer.asked) == (False, False, True)
+    assert "the hour has 4 left (daemon.calls_per_hour)" in consent.answer.detail
 
 
 def test_what_no_model_did_costs_nothing_and_what_is_not_known_stays_so() -> None:
     result = RunResult("apply", "bench", agent_runs=4)
-    assert _spent(result, free=True)["spent"]["usd"] == 0.0
-    assert _spent(result, free=False)["spent"]["usd"] is None
+    assert _cost(result, free=True).usd == 0.0
+    assert _cost(result, free=False).usd is None
     priced = replace(result, usage=RunUsage(cost_usd=0.4))
-    assert _spent(priced, free=True)["spent"] == {"calls": 4, "input_tokens": 0, "output_tokens": 0, "usd": 0.4}
+    assert _cost(priced, free=True) == Cost(4, 0, 0, 0.4)

@@ -6,32 +6,32 @@ from typing import Any, cast
 
 import pytest
 
-from octoform.apply.duty import DutyOutcome
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.endpoint.process import record
 from octoform.endpoint.process.estop import LATCH
 from octoform.engine.plan.plan import Outlook
 from octoform.engine.unattended import heal, rediscover
-from octoform.harness.port import Usage
 from octoform.state.layout import Layout
 
 LAYOUT = Layout(Path("/nowhere"), "bench")
 
 
-def asked(action: str | None, *, ok: bool = True) -> DutyOutcome:
+def asked(action: str | None, *, ok: bool = True) -> RepairOutcome:
     report = {"status": "repaired", "action": action}
-    return DutyOutcome(ok=ok, detail="why", report=report, action=action, calls=1, usage=Usage(3, 0, 4, 0.5))
+    made = RepairOutcome.done if ok else RepairOutcome.failed
+    return made("heal.action", "why", report=report, cost=Cost(1, 3, 4, 0.5))
 
 
 @pytest.mark.parametrize("action", ["restore", "redeploy", "restart", "rediscover"])
 def test_an_action_is_carried_out_and_both_are_told_and_paid(monkeypatch: pytest.MonkeyPatch, action: str) -> None:
-    done = DutyOutcome(ok=False, detail="it went wrong", again=False, calls=2, usage=Usage(1, 0, 1, 0.25))
+    done = RepairOutcome.failed("x.y", "it went wrong", again=False, cost=Cost(2, 1, 1, 0.25))
     monkeypatch.setattr(heal, "run_task", lambda *_: asked(action))
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", {**heal.ACTIONS, action: lambda layout, environ, left: done})
     found = heal.heal(Path("/nowhere"), {}, {})
-    assert (found["ok"], found["again"], found["detail"]) == (False, False, "it went wrong (why)")
-    assert found["spent"] == {"calls": 3, "input_tokens": 4, "output_tokens": 5, "usd": 0.75}
-    assert found["report"]["action"] == found["action"] == action
+    assert (found.ok, found.again, found.detail) == (False, False, "it went wrong; why")
+    assert found.cost == Cost(3, 4, 5, 0.75)
+    assert found.report is not None and found.report["action"] == action
 
 
 def test_every_action_of_the_contract_but_a_rewrite_and_none_has_its_way() -> None:
@@ -43,19 +43,19 @@ def test_every_action_of_the_contract_but_a_rewrite_and_none_has_its_way() -> No
 
 @pytest.mark.parametrize("answer", [asked("rewrite"), asked(None), asked("restore", ok=False)])
 def test_nothing_more_is_done_after_a_rewrite_or_a_failure(
-    monkeypatch: pytest.MonkeyPatch, answer: DutyOutcome
+    monkeypatch: pytest.MonkeyPatch, answer: RepairOutcome
 ) -> None:
-    def never(*_: object) -> DutyOutcome:
+    def never(*_: object) -> RepairOutcome:
         raise AssertionError("nothing is to be done")
 
     monkeypatch.setattr(heal, "run_task", lambda *_: answer)
     monkeypatch.setattr(heal, "layout_of", lambda *_: (LAYOUT, []))
     monkeypatch.setattr(heal, "ACTIONS", dict.fromkeys(heal.ACTIONS, never))
-    assert heal.heal(Path("/nowhere"), {}, {}) == answer.to_document()
+    assert heal.heal(Path("/nowhere"), {}, {}) == answer
 
 
 def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def never(*_: object) -> DutyOutcome:
+    def never(*_: object) -> RepairOutcome:
         raise AssertionError("nothing is to be done")
 
     layout = Layout(tmp_path, "bench")
@@ -65,7 +65,7 @@ def test_nothing_is_carried_out_behind_an_emergency_stop(tmp_path: Path, monkeyp
     monkeypatch.setattr(heal, "layout_of", lambda *_: (layout, []))
     monkeypatch.setattr(heal, "ACTIONS", dict.fromkeys(heal.ACTIONS, never))
     found = heal.heal(tmp_path, {}, {})
-    assert (found["ok"], found["again"], found["spent"]["calls"]) == (False, True, 1)
+    assert (found.ok, found.again, found.cost) == (False, True, Cost(1, 3, 4, 0.5))
 
 
 def outlook(*work: str, host: str = "bench", steps: tuple[Any, ...] = ()) -> Outlook:
@@ -106,6 +106,6 @@ def test_what_a_killed_repair_has_left_is_settled_and_nothing_is_done_otherwise(
         (layout.local / left).write_text("{}")
     monkeypatch.setattr(heal, "run_task", lambda *_: asked(None))
     found = heal.settle(layout, {})
-    assert found == (asked(None).to_document() if left else None)
+    assert found == (asked(None) if left else None)
     assert record.mark(layout) is None
     assert heal.settle(layout, {}) is None, "it would start what a person has stopped"

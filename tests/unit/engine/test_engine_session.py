@@ -7,7 +7,7 @@ from typing import Any, cast
 import pytest
 
 from octoform.apply.context import Context
-from octoform.apply.duty import DutyOutcome
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.process import record
 from octoform.engine.apply.session import Locked, Opened
@@ -17,7 +17,7 @@ from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status
 from octoform.state.store.lock import acquire
 
-DONE = DutyOutcome(ok=True, detail="done", changed=True)
+DONE = RepairOutcome.done("heal.rewrite", "done", changed=True)
 
 
 class Store:
@@ -59,7 +59,7 @@ def test_another_server_is_recorded_and_committed_where_the_manifest_says_so(
 def test_what_cannot_be_recorded_is_said_and_the_repair_stands(tmp_path: Path) -> None:
     full = error("STATE-DISK-FULL", "no space left")
     answer = session._recorded(held(Layout(tmp_path, "bench"), commit=True), there(Store(full)), "heal", DONE)
-    assert answer.ok and answer.changed and answer.detail == "done (STATE-DISK-FULL: no space left)"
+    assert answer.ok and answer.changed and answer.detail == "done; STATE-DISK-FULL: no space left"
 
 
 def applied(layout: Layout) -> dict[str, Any]:

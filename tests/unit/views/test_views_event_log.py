@@ -10,8 +10,10 @@ import pyte
 import pytest
 from daemon_world import DaemonWorld
 
-from octoform.daemon.model import Cause, Done, Finding, Repair
-from octoform.daemon.reconcile.repair_policy import Task, lane_of
+from octoform.apply.repair_outcome import RepairOutcome
+from octoform.daemon.model import Cause, Finding, Repair
+from octoform.daemon.reconcile.bench import Task
+from octoform.daemon.repair.playbook import PLAYBOOK
 from octoform.daemon.store import instance_lock
 from octoform.views.daemon.event_log import Lines, Objects, named
 from octoform.views.format.console import Console
@@ -54,7 +56,9 @@ def night(folder: Path) -> DaemonWorld:
     world.happens(Cause.FILES)
     instance_lock.resume(world.layout)
     world.happens(Cause.FILES)
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "there is \x1b[2Jno copy", again=False)
+    world.mends[Repair.RESTORE] = lambda world, finding: RepairOutcome.failed(
+        "test", "there is \x1b[2Jno copy", again=False
+    )
     world.truth.damaged["state/bench/serve/server.py"] = "changed"
     world.happens(Cause.FILES)
     world.advance(400)
@@ -135,7 +139,7 @@ def test_what_ended_is_told_before_what_was_begun_because_of_it(tmp_path: Path) 
     made = next(each for each in world.rounds if each.tried)
     before = made.tried[0][0]
     finding = Finding(before.kind, before.fault, "tool:read_joints", before.summary, (), Repair.HEAL)
-    begun = Task(lane_of(Repair.HEAL), finding, Repair.HEAL, finding.key, made.facts.stamp, made.facts.uptime)
+    begun = Task(PLAYBOOK[Repair.HEAL].lane, finding, Repair.HEAL, finding.key, None, made.facts.uptime)
     made = replace(made, begun=(begun,))
     out, lines = io.StringIO(), Terminal()
     Objects(console(out))(made)

@@ -7,11 +7,12 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.daemon.health import Health, Part
-from octoform.daemon.model import FaultClass, Kind, Outcome, Spent, Status
+from octoform.daemon.model import FaultClass, Kind, Outcome, Status
 from octoform.daemon.notices import Failing
 from octoform.daemon.status import OpenProblem, Survey
-from octoform.daemon.store.incidents import Incident, Try
+from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.instance_lock import Record
 from octoform.state.store.lock import myself
 from octoform.views.daemon import event_log, requests
@@ -49,11 +50,16 @@ def episode(**changes: object) -> Incident:
         "boot": "b",
         "opened": stamp(7500),
         "opened_uptime": 100.0,
-        "tries": [Try("restart", stamp(7450), False, "ModuleNotFoundError: No module named 'cv2'", 1.2)] * 3,
+        "outcomes": [tried("restart", 7450, "ModuleNotFoundError: No module named 'cv2'")] * 3,
         "outcome": Outcome.FROZEN,
         "hint": "3 tries did not help",
     }
     return Incident(**{**known, **changes})  # type: ignore[arg-type]
+
+
+def tried(repair: str, ago: int, why: str) -> RepairOutcome:
+    """A repair that failed so many seconds ago."""
+    return RepairOutcome.failed(f"{repair}.start", why, repair=repair, at=stamp(ago), seconds=1.2)
 
 
 def survey(status: Status, parts: Iterable[Part] = (), **more: object) -> Survey:
@@ -73,7 +79,7 @@ def bad_night() -> Survey:
         "fix the cause, then: octoform heal -retry endpoint",
     )
     gone = episode(
-        target="device:usb-1", summary="usb-1 is not there", status=Status.DEGRADED, tries=[], outcome="open"
+        target="device:usb-1", summary="usb-1 is not there", status=Status.DEGRADED, outcomes=[], outcome="open"
     )
     parts = [
         Part("endpoint", Status.DOWN, "its process does not run"),
@@ -186,9 +192,9 @@ def test_a_stamp_that_is_none_is_shown_as_it_is() -> None:
 
 
 def ended(number: int, seconds: float, outcome: Outcome = Outcome.REPAIRED) -> Incident:
-    spent = Spent(1, 10, 5, 0.01)
+    spent = Cost(1, 10, 5, 0.01)
     return episode(
-        id=f"e{number}", closed=stamp(0), closed_uptime=100.0 + seconds, outcome=outcome, spent=spent, tries=[]
+        id=f"e{number}", closed=stamp(0), closed_uptime=100.0 + seconds, outcome=outcome, spent=spent, outcomes=[]
     )
 
 

@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_world import DaemonWorld, first
+from daemon_world import DaemonWorld, failed, first, worked
 
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.claims.model import State
-from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair, Spent, Status
+from octoform.daemon.model import Cause, Finding, Outcome, Repair, Status
 from octoform.daemon.store import instance_lock
 
 TOOL = "read_joints"
@@ -19,15 +20,17 @@ def world(tmp_path: Path) -> DaemonWorld:
     return DaemonWorld(tmp_path)
 
 
-def said(klass: str, tool: str | None = TOOL, severity: str = "recoverable", **more: Any) -> Callable[..., Done]:
+def said(
+    klass: str, tool: str | None = TOOL, severity: str = "recoverable", **more: Any
+) -> Callable[..., RepairOutcome]:
     """WATCH that names one error."""
     error = {"tool": tool, "device": None, "class": klass, "message": "it is so", "severity": severity}
     report = {"status": "error", "summary": "s", "errors": [{**error, "suggested_fix": "", "cites": []}], **more}
-    return lambda world, finding: Done(True, "a report", spent=Spent(1, 100, 10, 0.01), report=report)
+    return lambda world, finding: worked("a report", cost=Cost(1, 100, 10, 0.01), report=report)
 
 
-def healed(world: DaemonWorld, finding: Finding) -> Done:
-    return Done(True, "rewritten", spent=Spent(1, 200, 20, 0.02), report={"claims": []})
+def healed(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+    return worked("rewritten", cost=Cost(1, 200, 20, 0.02), report={"claims": []})
 
 
 def broken(world: DaemonWorld) -> None:
@@ -44,14 +47,14 @@ def test_a_broken_tool_goes_to_watch_then_to_heal_in_one_episode(world: DaemonWo
     (episode,) = [item for made in world.rounds for item in made.ended]
     assert episode.outcome is Outcome.REPAIRED
     assert [made.repair for made in episode.tries] == ["watch", "heal"]
-    assert episode.spent == Spent(2, 300, 30, 0.03)
+    assert episode.spent == Cost(2, 300, 30, 0.03)
 
 
 def test_watch_and_heal_are_given_their_briefs(world: DaemonWorld) -> None:
     given: dict[str, Any] = {}
 
-    def keep(repair: str, then: Callable[..., Done]) -> Callable[..., Done]:
-        def kept(world: DaemonWorld, finding: Finding) -> Done:
+    def keep(repair: str, then: Callable[..., RepairOutcome]) -> Callable[..., RepairOutcome]:
+        def kept(world: DaemonWorld, finding: Finding) -> RepairOutcome:
             given[repair] = finding.data["brief"]
             return then(world, finding)
 
@@ -85,7 +88,7 @@ def test_watch_and_heal_are_given_their_briefs(world: DaemonWorld) -> None:
 
 
 def test_a_heal_that_does_not_help_is_tried_three_times_and_frozen(world: DaemonWorld) -> None:
-    def useless(world: DaemonWorld, finding: Finding) -> Done:
+    def useless(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         broken(world)  # the smoke call after it fails again
         return healed(world, finding)
 
@@ -101,7 +104,7 @@ def test_a_heal_that_does_not_help_is_tried_three_times_and_frozen(world: Daemon
 
 def test_what_watch_says_is_missing_is_built_again_before_heal_is_asked(world: DaemonWorld) -> None:
     world.mends |= {Repair.WATCH: said("dependency"), Repair.HEAL: healed}
-    world.mends[Repair.REBUILD] = first(broken, Done(True, "built"))
+    world.mends[Repair.REBUILD] = first(broken, worked("built"))
     world.start()
     broken(world)
     world.happens(Cause.LOG)
@@ -123,7 +126,7 @@ def test_what_the_playbook_does_not_know_is_for_a_person(world: DaemonWorld, kla
 
 
 def test_a_watch_without_a_report_is_tried_three_times(world: DaemonWorld) -> None:
-    world.mends[Repair.WATCH] = lambda world, finding: Done(False, "timeout", spent=Spent(1))
+    world.mends[Repair.WATCH] = lambda world, finding: failed("timeout", cost=Cost(1))
     world.start()
     broken(world)
     world.happens(Cause.LOG)
@@ -132,14 +135,14 @@ def test_a_watch_without_a_report_is_tried_three_times(world: DaemonWorld) -> No
 
 
 def test_heal_that_makes_it_worse_is_taken_back(world: DaemonWorld) -> None:
-    def worse(world: DaemonWorld, finding: Finding) -> Done:
+    def worse(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         world.truth.sensors[("status", "/volts")] = None
         return healed(world, finding)
 
-    def back(world: DaemonWorld, finding: Finding) -> Done:
+    def back(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         assert finding.data["brief"]["reason"] and finding.data["brief"]["episode"] == "e1"
         world.truth.sensors[("status", "/volts")] = 7.4
-        return Done(True, "as before")
+        return worked("as before")
 
     world.mends |= {Repair.WATCH: said("broken_tool"), Repair.HEAL: worse, Repair.ROLL_BACK: back}
     world.truth.sensors[("status", "/volts")] = 7.4
@@ -167,7 +170,7 @@ def test_claims_are_offered_and_declarations_wait_for_a_person(world: DaemonWorl
     world.truth.sensors[("status", "/heat")] = 70
     world.start()
 
-    def claiming(world: DaemonWorld, finding: Finding) -> Done:
+    def claiming(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         (reading,) = [item for item in finding.data["brief"]["readings"] if item["path"] == "/heat"]
         signal = {"channel": "sensor", "source": "status", "path": "/heat"}
         claim: dict[str, Any] = {"target": "device:arm", "fault": "none", "statement": "hot", "signal": signal}
@@ -189,7 +192,7 @@ def test_claims_are_offered_and_declarations_wait_for_a_person(world: DaemonWorl
 
 
 def test_what_an_agent_says_of_something_else_is_forgotten_in_time(world: DaemonWorld) -> None:
-    def two(world: DaemonWorld, finding: Finding) -> Done:
+    def two(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         done = said("broken_tool")(world, finding)
         assert done.report is not None
         done.report["errors"].append({**done.report["errors"][0], "tool": "other", "class": "none"})
@@ -206,7 +209,7 @@ def test_what_an_agent_says_of_something_else_is_forgotten_in_time(world: Daemon
 
 
 def test_a_tool_that_was_given_up_is_not_well_because_something_else_was_repaired(world: DaemonWorld) -> None:
-    world.mends[Repair.WATCH] = lambda world, finding: Done(False, "no report", again=False)
+    world.mends[Repair.WATCH] = lambda world, finding: failed("no report", again=False)
     world.start()
     broken(world)
     world.happens(Cause.LOG)
@@ -214,9 +217,9 @@ def test_a_tool_that_was_given_up_is_not_well_because_something_else_was_repaire
     (episode,) = world.memory.episodes.open.values()
     assert episode.outcome is Outcome.FROZEN
 
-    def restored(world: DaemonWorld, finding: Finding) -> Done:
+    def restored(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         world.truth.damaged = {}
-        return Done(True, "put back")
+        return worked("put back")
 
     world.mends[Repair.RESTORE] = restored
     world.truth.damaged = {"state/bench/serve/server.py": "lost"}
@@ -232,9 +235,9 @@ def test_a_run_that_ends_without_a_word_is_not_free(world: DaemonWorld) -> None:
     world.memory.purse.calls_per_hour = 6
     given: list[int] = []
 
-    def killed(world: DaemonWorld, finding: Finding) -> Done:
+    def killed(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         given.append(finding.data["brief"]["calls"])
-        return Done(False, "the child ended without a result", untold=True)
+        return failed("the child ended without a result", cost=None)
 
     world.mends[Repair.WATCH] = killed
     world.start()
@@ -268,14 +271,14 @@ def test_no_agent_is_asked_for_what_cannot_be_written_down(world: DaemonWorld) -
     assert "cannot be written down" in next(iter(world.rounds[-1].waits.values()))
 
 
-def rewritten(world: DaemonWorld, finding: Finding) -> Done:
-    return Done(True, "rewritten", spent=Spent(1), report={"claims": [], "action": "rewrite"})
+def rewritten(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+    return worked("rewritten", cost=Cost(1), report={"claims": [], "action": "rewrite"})
 
 
 def on_probation(world: DaemonWorld) -> None:
     """A repair of HEAL after which all is well, for now."""
     world.mends |= {Repair.WATCH: said("broken_tool"), Repair.HEAL: rewritten}
-    world.mends[Repair.ROLL_BACK] = lambda world, finding: Done(True, "as before")
+    world.mends[Repair.ROLL_BACK] = lambda world, finding: worked("as before")
     world.truth.sensors[("status", "/volts")] = 7.4
     world.start()
     broken(world)
@@ -317,7 +320,7 @@ def test_an_agent_that_writes_the_daemons_files_has_said_nothing_and_they_are_as
 ) -> None:
     path = world.layout.daemon / name
 
-    def forging(world: DaemonWorld, finding: Finding) -> Done:
+    def forging(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         path.write_text('{"format": 1}\n')
         return said("broken_tool")(world, finding)
 
@@ -340,12 +343,12 @@ def test_an_agent_that_writes_the_daemons_files_has_said_nothing_and_they_are_as
 
 
 def test_a_rewrite_of_an_agent_that_writes_the_daemons_files_is_taken_back(world: DaemonWorld) -> None:
-    def forging(world: DaemonWorld, finding: Finding) -> Done:
+    def forging(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         (world.layout.daemon / "breakers.json").unlink()
         return rewritten(world, finding)
 
     world.mends |= {Repair.WATCH: said("broken_tool"), Repair.HEAL: forging}
-    world.mends[Repair.ROLL_BACK] = lambda world, finding: Done(True, "as before")
+    world.mends[Repair.ROLL_BACK] = lambda world, finding: worked("as before")
     world.start()
     broken(world)
     world.happens(Cause.LOG)

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed, worked
 
-from octoform.daemon.model import Alert, Cause, Done, Finding, Outcome, Repair, Spent
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import Alert, Cause, Finding, Outcome, Repair
 from octoform.daemon.store import instance_lock
 from octoform.manifest.model import Daemon
 
@@ -32,8 +33,8 @@ def world(tmp_path: Path) -> DaemonWorld:
     return DaemonWorld(tmp_path, Daemon(calls_per_hour=1000))
 
 
-def refused(world: DaemonWorld, finding: Finding) -> Done:
-    return Done(False, "no report", spent=Spent(1, 1, 1, 0.0))
+def refused(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+    return failed("no report", cost=Cost(1, 1, 1, 0.0))
 
 
 def said_anew(world: DaemonWorld, number: int) -> None:
@@ -95,8 +96,10 @@ def test_tries_of_more_than_an_hour_ago_and_of_other_targets_do_not_count(world:
 
 
 def test_what_can_never_help_is_not_tried_again_wherever_it_stands_in_the_chain(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTART] = lambda world, finding: Done(False, "it cannot be started", again=False)
-    world.mends[Repair.REBUILD] = lambda world, finding: Done(False, "not yet")
+    world.mends[Repair.RESTART] = lambda world, finding: RepairOutcome.failed(
+        "test", "it cannot be started", again=False
+    )
+    world.mends[Repair.REBUILD] = lambda world, finding: failed("not yet")
     world.start()
     world.die()
     world.happens(Cause.PROCESS)
@@ -107,13 +110,13 @@ def test_what_can_never_help_is_not_tried_again_wherever_it_stands_in_the_chain(
     assert world.repairs() == [Repair.RESTART, Repair.REBUILD, Repair.REBUILD]
 
 
-def asks(world: DaemonWorld, finding: Finding) -> Done:
-    return Done(False, "shall it be onboarded?", again=False, asked=True)
+def asks(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+    return failed("shall it be onboarded?", again=False, asked=True)
 
 
-def onboards(world: DaemonWorld, finding: Finding) -> Done:
+def onboards(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.truth.appeared = ()
-    return Done(True, "onboarded")
+    return worked("onboarded")
 
 
 @pytest.mark.parametrize(
@@ -163,13 +166,15 @@ def test_a_question_of_an_hour_that_had_too_little_left_goes_on_with_a_whole_one
 
 
 def test_a_heal_that_asked_for_it_goes_on_as_well(tmp_path: Path) -> None:
-    def heals(world: DaemonWorld, finding: Finding) -> Done:
-        return Done(False, "shall it be?", again=False, spent=Spent(1), report={"action": "rediscover"})
+    def heals(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+        return failed("shall it be?", again=False, cost=Cost(1), report={"action": "rediscover"})
 
     world = DaemonWorld(tmp_path, Daemon(apply="ask", calls_per_hour=100))
     error = {"tool": "x", "device": None, "class": "broken_tool", "message": "m", "severity": "recoverable"}
     report = {"status": "error", "errors": [error]}
-    world.mends[Repair.WATCH] = lambda world, finding: Done(True, "a report", spent=Spent(1), report=report)
+    world.mends[Repair.WATCH] = lambda world, finding: RepairOutcome.done(
+        "test", "a report", cost=Cost(1), report=report
+    )
     world.mends[Repair.HEAL] = heals
     world.start()
     world.fail("x")
@@ -185,7 +190,9 @@ def test_one_more_try_is_made_of_what_was_found_out_as_well(world: DaemonWorld) 
     """WATCH's diagnosis has tries of its own; a person's `retry` means those too."""
     error = {"tool": None, "device": "arm", "class": "dependency", "message": "m", "severity": "recoverable"}
     report = {"status": "error", "errors": [error]}
-    world.mends[Repair.WATCH] = lambda world, finding: Done(True, "a report", spent=Spent(1), report=report)
+    world.mends[Repair.WATCH] = lambda world, finding: RepairOutcome.done(
+        "test", "a report", cost=Cost(1), report=report
+    )
     world.mends[Repair.REBUILD] = world.mends[Repair.HEAL] = refused
     world.start()
     world.fail("x")

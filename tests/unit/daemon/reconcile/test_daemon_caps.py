@@ -4,10 +4,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed, worked
 
-from octoform.daemon.model import Cause, Done, Finding, Repair, Spent
-from octoform.daemon.reconcile.repair_policy import rediscovers
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import Cause, Finding, Repair
+from octoform.daemon.repair.playbook import PLAYBOOK
 from octoform.manifest.model import Daemon
 
 
@@ -24,10 +25,10 @@ def plugged(world: DaemonWorld, number: int) -> None:
 def test_a_rediscovery_is_told_what_the_hour_has_left_and_what_it_took_is_counted(world: DaemonWorld) -> None:
     given: list[tuple[Any, Any]] = []
 
-    def onboards(world: DaemonWorld, finding: Finding) -> Done:
+    def onboards(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         given.append((finding.data["brief"]["calls"], finding.data["brief"]["usd"]))
         world.truth.appeared = ()
-        return Done(True, "onboarded", spent=Spent(4, 10, 10, 0.5))
+        return worked("onboarded", cost=Cost(4, 10, 10, 0.5))
 
     world.mends[Repair.REDISCOVER] = onboards
     world.start()
@@ -46,12 +47,14 @@ def test_a_rediscovery_is_told_what_the_hour_has_left_and_what_it_took_is_counte
 def test_one_that_ends_without_a_word_may_have_used_all_that_it_was_given(world: DaemonWorld, repair: Repair) -> None:
     """HEAL may go on to a re-discovery, so it may use as much."""
 
-    def killed(world: DaemonWorld, finding: Finding) -> Done:
-        return Done(False, "the child ended without a result", untold=True)
+    def killed(world: DaemonWorld, finding: Finding) -> RepairOutcome:
+        return failed("the child ended without a result", cost=None)
 
-    def named(world: DaemonWorld, finding: Finding) -> Done:
+    def named(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         error = {"tool": "x", "device": None, "class": "broken_tool", "message": "m", "severity": "recoverable"}
-        return Done(True, "a report", spent=Spent(1, 1, 1, 0.0), report={"status": "error", "errors": [error]})
+        return RepairOutcome.done(
+            "test", "a report", cost=Cost(1, 1, 1, 0.0), report={"status": "error", "errors": [error]}
+        )
 
     world.mends |= {repair: killed, Repair.WATCH: named}
     world.start()
@@ -73,10 +76,9 @@ def test_one_that_ends_without_a_word_may_have_used_all_that_it_was_given(world:
         (Repair.HEAL, {"action": "rewrite"}, False),
         (Repair.HEAL, None, False),
         (Repair.RESTART, {"action": "rediscover"}, False),
-        (None, None, False),
     ],
 )
 def test_a_try_counts_as_a_rediscovery_by_its_repair_or_what_heal_asks_for(
-    repair: Repair | None, report: dict[str, str] | None, expected: bool
+    repair: Repair, report: dict[str, str] | None, expected: bool
 ) -> None:
-    assert rediscovers(repair, Done(True, report=report)) is expected
+    assert PLAYBOOK[repair].rediscovers(worked("done", report=report)) is expected

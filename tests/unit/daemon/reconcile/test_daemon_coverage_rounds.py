@@ -9,7 +9,7 @@ from daemon_world import INTERVAL, DaemonWorld
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon import signals as expected_signals
 from octoform.daemon.model import Cause, Status
-from octoform.daemon.reconcile.repair_policy import AtOnce, Ended, Task, Work
+from octoform.daemon.reconcile.bench import AtOnce, Ended, Task, Work
 
 VOLTS, HEAT = ("status", "/volts"), ("arm", "/heat")
 

@@ -4,9 +4,10 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed
 
-from octoform.daemon.model import Cause, Done, Facts, Finding, Repair
+from octoform.apply.repair_outcome import RepairOutcome
+from octoform.daemon.model import Cause, Facts, Finding, Repair
 from octoform.engine.apply import approval
 from octoform.engine.apply.approval import Question
 
@@ -17,7 +18,9 @@ def world(tmp_path: Path) -> DaemonWorld:
 
 
 def test_a_process_that_dies_beside_an_edited_file_is_started_with_it(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "it was edited and stays", again=False)
+    world.mends[Repair.RESTORE] = lambda world, finding: RepairOutcome.failed(
+        "test", "it was edited and stays", again=False
+    )
     world.truth.damaged = {"state/bench/serve/server.py": "changed"}
     world.start()
     world.advance(60)
@@ -30,7 +33,7 @@ def test_a_process_that_dies_beside_an_edited_file_is_started_with_it(world: Dae
 
 
 def test_a_start_still_waits_for_a_file_that_is_being_put_back(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "the disk does not answer")
+    world.mends[Repair.RESTORE] = lambda world, finding: failed("the disk does not answer")
     world.start()
     world.truth.damaged = {"state/bench/serve/server.py": "missing"}
     world.die()
@@ -39,10 +42,10 @@ def test_a_start_still_waits_for_a_file_that_is_being_put_back(world: DaemonWorl
 
 
 def test_a_question_is_told_once_and_taken_back_when_the_hardware_is_as_it_was(world: DaemonWorld) -> None:
-    def asks(world: DaemonWorld, finding: Finding) -> Done:
+    def asks(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         fresh, problem = approval.ask(world.layout, Question(("create class:hwmon",), ("probe",), ("it moves",)))
         assert problem is None
-        return Done(False, "shall it be onboarded?", again=False, asked=fresh)
+        return failed("shall it be onboarded?", again=False, asked=fresh)
 
     world.mends[Repair.REDISCOVER] = asks
     world.start()
@@ -90,7 +93,9 @@ def test_an_edit_that_nobody_adopted_is_told_by_its_file_alone(
 ) -> None:
     look = world.look
     monkeypatch.setattr(world, "look", lambda causes: replace(look(causes), endpoint=(OTHER,)))
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "it was edited and stays", again=False)
+    world.mends[Repair.RESTORE] = lambda world, finding: RepairOutcome.failed(
+        "test", "it was edited and stays", again=False
+    )
     world.truth.damaged = {"state/bench/serve/server.py": "changed"}
     world.begun()
     world.start()

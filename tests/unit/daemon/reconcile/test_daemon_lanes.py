@@ -4,11 +4,13 @@ import threading
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, worked
 
-from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair
-from octoform.daemon.reconcile.repair_policy import Beside, Lane, Product, Task
+from octoform.apply.repair_outcome import RepairOutcome
+from octoform.daemon.model import Cause, Finding, Outcome, Repair
+from octoform.daemon.reconcile.bench import Beside, Product, Task
 from octoform.daemon.reconcile.supervisor import Cycle
+from octoform.daemon.repair.playbook import Lane
 
 SECONDS = 20.0
 
@@ -19,10 +21,10 @@ class Held:
     def __init__(self) -> None:
         self.begun, self.release = threading.Event(), threading.Event()
 
-    def __call__(self, world: DaemonWorld, finding: Finding) -> Done:
+    def __call__(self, world: DaemonWorld, finding: Finding) -> RepairOutcome:
         self.begun.set()
         assert self.release.wait(SECONDS)
-        return Done(True, "done at last")
+        return worked("done at last")
 
 
 class Beat:
@@ -111,7 +113,7 @@ def test_one_target_has_one_repair_at_a_time_and_one_thing_is_exchanged_at_a_tim
 def test_a_bug_in_a_repair_is_a_try_that_failed(beat: Beat, capfd: pytest.CaptureFixture[str]) -> None:
     world = beat.world
 
-    def bug(world: DaemonWorld, finding: Finding) -> Done:
+    def bug(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         raise ZeroDivisionError("a bug")
 
     world.mends[Repair.RESTORE] = bug
@@ -145,10 +147,11 @@ def test_a_repair_that_gets_no_thread_has_failed_and_is_no_longer_under_way(
     def refuse(_: threading.Thread) -> None:
         raise RuntimeError("can't start new thread")
 
-    task = Task(Lane.ROOM, None, None, "", "", 0.0)
+    task = Task(Lane.ROOM, None, None, "", None, 0.0)
     with monkeypatch.context() as patched:
         patched.setattr(threading.Thread, "start", refuse)
         beat.bench.begin(task, lambda: Product(None))
     assert task not in beat.bench.under_way()
     (ended,) = (item for item in beat.bench.ended() if item.task is task)
-    assert ended.product.done == Done(ok=False, detail="no more processes or threads can be started")
+    assert ended.product.outcome is not None
+    assert ended.product.outcome.detail == "no more processes or threads can be started"

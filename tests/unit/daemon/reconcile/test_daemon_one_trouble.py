@@ -5,11 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from daemon_world import INTERVAL, DaemonWorld, first
+from daemon_world import INTERVAL, DaemonWorld, failed, first, worked
 
+from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.model import Cause, Done, Facts, Finding, LastSeen, Repair, Status
-from octoform.daemon.reconcile.repair_policy import AtOnce, Ended
+from octoform.daemon.model import Cause, Facts, Finding, LastSeen, Repair, Status
+from octoform.daemon.reconcile.bench import AtOnce, Ended
 
 SOURCES = ("read_joints",)
 
@@ -110,9 +111,9 @@ def test_a_unit_that_is_silent_by_itself_is_told(world: Failing) -> None:
 HERE, THERE = LastSeen(True, "1-1", None, "1-1"), LastSeen(True, "1-2", None, "1-1")
 
 
-def rebound(world: DaemonWorld, finding: Finding) -> Done:
+def rebound(world: DaemonWorld, finding: Finding) -> RepairOutcome:
     world.truth.devices = {"cam": replace(world.truth.devices["cam"], recorded=world.truth.devices["cam"].place)}
-    return Done(True, "written down")
+    return worked("written down")
 
 
 @pytest.fixture
@@ -145,7 +146,7 @@ def test_a_device_that_is_only_in_another_place_is_one_message(plugged: DaemonWo
 
 
 def test_a_place_that_cannot_be_written_down_is_told(plugged: DaemonWorld) -> None:
-    plugged.mends[Repair.REBIND] = lambda world, finding: Done(False, "the disk is full")
+    plugged.mends[Repair.REBIND] = lambda world, finding: failed("the disk is full")
     seen(plugged, LastSeen(False, None, None, "1-1"))
     seen(plugged, THERE)
     plugged.advance(3600)
@@ -178,7 +179,7 @@ def test_a_hang_that_is_ended_by_its_repair_is_one_trouble(tmp_path: Path) -> No
     world.start()
     bench.held = True
     world.truth.answers = False
-    world.mends[Repair.RESTART] = first(DaemonWorld.die, Done(True, "started"))
+    world.mends[Repair.RESTART] = first(DaemonWorld.die, worked("started"))
     world.happens(Cause.PING)
     world.happens(Cause.PROCESS)
     assert opened(world) == [("opened", "endpoint")]
@@ -192,8 +193,8 @@ def test_a_hang_whose_end_is_seen_later_is_one_trouble(tmp_path: Path) -> None:
     world = DaemonWorld(tmp_path)
     world.start()
     world.truth.answers = False
-    world.mends[Repair.RESTART] = first(DaemonWorld.die, Done(False, "no"))
+    world.mends[Repair.RESTART] = first(DaemonWorld.die, failed("no"))
     world.happens(Cause.PING)
-    world.mends[Repair.RESTART] = first(DaemonWorld.live, Done(True, "started"))
+    world.mends[Repair.RESTART] = first(DaemonWorld.live, worked("started"))
     world.advance(120)
     assert opened(world) == [("opened", "endpoint"), ("repaired", "endpoint")]

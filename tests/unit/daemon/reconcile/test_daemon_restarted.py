@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, failed, worked
 
+from octoform.apply.repair_outcome import Cost, RepairOutcome
 from octoform.claims.model import Channel, Signal
-from octoform.daemon.model import Cause, Done, Finding, Outcome, Repair, Spent
+from octoform.daemon.model import Cause, Finding, Outcome, Repair
 from octoform.daemon.store import instance_lock
 
 TOOL = "read_joints"
@@ -40,16 +41,16 @@ def again(request: pytest.FixtureRequest) -> Again:
 class Agent:
     """An agent of WATCH or HEAL that keeps what it was given."""
 
-    def __init__(self, answer: Callable[[], Done]) -> None:
+    def __init__(self, answer: Callable[[], RepairOutcome]) -> None:
         self.briefs: list[dict[str, Any]] = []
         self.answer = answer
 
-    def __call__(self, world: DaemonWorld, finding: Finding) -> Done:
+    def __call__(self, world: DaemonWorld, finding: Finding) -> RepairOutcome:
         self.briefs.append(finding.data["brief"])
         return self.answer()
 
 
-def report(klass: str = "broken_tool", *, severity: str = "recoverable", more: str | None = None) -> Done:
+def report(klass: str = "broken_tool", *, severity: str = "recoverable", more: str | None = None) -> RepairOutcome:
     """WATCH names the tool, and perhaps another one."""
     names = [TOOL] if more is None else [TOOL, more]
     errors: list[dict[str, Any]] = [
@@ -57,15 +58,15 @@ def report(klass: str = "broken_tool", *, severity: str = "recoverable", more: s
         for name in names
     ]
     found = {"status": "error", "summary": "the elbow is warm", "errors": errors}
-    return Done(True, "a report", spent=Spent(1, 100, 10, 0.01), report=found)
+    return worked("a report", cost=Cost(1, 100, 10, 0.01), report=found)
 
 
-def nothing() -> Done:
-    return Done(False, "no report", spent=Spent(1, 100, 10, 0.01))
+def nothing() -> RepairOutcome:
+    return failed("no report", cost=Cost(1, 100, 10, 0.01))
 
 
-def useless() -> Done:
-    return Done(False, "it cannot be rewritten so", spent=Spent(1, 100, 10, 0.01))
+def useless() -> RepairOutcome:
+    return failed("it cannot be rewritten so", cost=Cost(1, 100, 10, 0.01))
 
 
 def broken(world: DaemonWorld, times: int = 1) -> None:

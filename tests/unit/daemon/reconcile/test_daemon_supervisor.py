@@ -3,9 +3,10 @@
 from pathlib import Path
 
 import pytest
-from daemon_world import DaemonWorld, first
+from daemon_world import DaemonWorld, failed, first, worked
 
-from octoform.daemon.model import Cause, Done, Finding, LastSeen, Outcome, Repair, Spent, Status
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import Cause, Finding, LastSeen, Outcome, Repair, Status
 from octoform.daemon.store import instance_lock
 from octoform.manifest.model import Daemon
 
@@ -27,7 +28,7 @@ def test_a_quiet_night_costs_no_repair_and_no_agent(world: DaemonWorld) -> None:
     assert world.alerts == []
     assert world.rounds[-1].health is not None
     assert world.rounds[-1].health.status is Status.HEALTHY
-    assert world.memory.purse.spent(world.now, world.stamp()) == Spent()
+    assert world.memory.purse.spent(world.now, world.stamp()) == Cost()
 
 
 def test_a_dead_process_is_started_at_once_without_an_agent(world: DaemonWorld) -> None:
@@ -42,7 +43,7 @@ def test_a_dead_process_is_started_at_once_without_an_agent(world: DaemonWorld) 
 
 
 def test_a_repair_is_believed_for_the_facts_alone(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTART] = lambda world, finding: Done(True, "I say that it runs")
+    world.mends[Repair.RESTART] = lambda world, finding: worked("I say that it runs")
     world.mends[Repair.REBUILD] = world.mends[Repair.RESTART]
     world.start()
     world.die()
@@ -57,7 +58,7 @@ def test_a_repair_is_believed_for_the_facts_alone(world: DaemonWorld) -> None:
 
 
 def test_tries_come_later_and_later(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTART] = lambda world, finding: Done(False, "no")
+    world.mends[Repair.RESTART] = lambda world, finding: failed("no")
     world.mends[Repair.REBUILD] = world.mends[Repair.RESTART]
     world.start()
     world.die()
@@ -68,10 +69,10 @@ def test_tries_come_later_and_later(world: DaemonWorld) -> None:
 
 
 def test_what_crashes_in_a_loop_backs_off_freezes_and_asks_no_agent(world: DaemonWorld) -> None:
-    def crashing(world: DaemonWorld, finding: Finding) -> Done:
+    def crashing(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         world.live()
         world.at(1, world.die, Cause.PROCESS)
-        return Done(True, "started")
+        return worked("started")
 
     world.mends[Repair.RESTART] = world.mends[Repair.REBUILD] = crashing
     world.start()
@@ -95,7 +96,7 @@ def test_deaths_far_from_each_other_are_each_repaired(world: DaemonWorld) -> Non
 
 
 def test_freezes_survive_a_restart_and_a_reboot_and_are_thawed_by_a_person(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "no copy")
+    world.mends[Repair.RESTORE] = lambda world, finding: failed("no copy")
     world.truth.damaged = {"state/bench/serve/server.py": "changed"}
     world.start()
     world.advance(600)
@@ -116,7 +117,7 @@ def test_freezes_survive_a_restart_and_a_reboot_and_are_thawed_by_a_person(world
 
 
 def test_a_try_is_counted_before_it_is_made(world: DaemonWorld) -> None:
-    def killed(world: DaemonWorld, finding: Finding) -> Done:
+    def killed(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         raise KeyboardInterrupt
 
     world.mends[Repair.RESTORE] = killed
@@ -159,7 +160,7 @@ def test_a_person_who_stopped_the_endpoint_is_obeyed(world: DaemonWorld) -> None
 
 
 def test_a_clock_that_is_set_back_and_a_sleep_of_eight_hours_do_no_harm(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTART] = lambda world, finding: Done(False, "no")
+    world.mends[Repair.RESTART] = lambda world, finding: failed("no")
     world.mends[Repair.REBUILD] = world.mends[Repair.RESTART]
     world.start()
     world.die()
@@ -174,14 +175,16 @@ def test_a_clock_that_is_set_back_and_a_sleep_of_eight_hours_do_no_harm(world: D
     world.advance(10)
     assert len(world.made) == 2
     assert len(world.rounds) - before < 10  # missed hours are not made up for
-    world.mends[Repair.REBUILD] = first(DaemonWorld.live, Done(True))
+    world.mends[Repair.REBUILD] = first(DaemonWorld.live, worked("built"))
     world.advance(120)
     assert outcomes(world) == [("endpoint", Outcome.REPAIRED)]
 
 
 def test_agents_are_capped_by_the_hour_over_restarts(tmp_path: Path) -> None:
     world = DaemonWorld(tmp_path, Daemon(calls_per_hour=2))
-    world.mends[Repair.WATCH] = lambda world, finding: Done(False, "no report", spent=Spent(1, 10, 10, 0.01))
+    world.mends[Repair.WATCH] = lambda world, finding: RepairOutcome.failed(
+        "test", "no report", cost=Cost(1, 10, 10, 0.01)
+    )
     world.start()
     for number in range(8):
         world.fail(f"tool_{number}")
@@ -195,7 +198,9 @@ def test_agents_are_capped_by_the_hour_over_restarts(tmp_path: Path) -> None:
 
 def test_agents_are_capped_by_money(tmp_path: Path) -> None:
     world = DaemonWorld(tmp_path, Daemon(calls_per_hour=100, usd_per_hour=0.5))
-    world.mends[Repair.WATCH] = lambda world, finding: Done(False, "no report", spent=Spent(1, 10, 10, 0.3))
+    world.mends[Repair.WATCH] = lambda world, finding: RepairOutcome.failed(
+        "test", "no report", cost=Cost(1, 10, 10, 0.3)
+    )
     world.start()
     for number in range(5):
         world.fail(f"tool_{number}")
@@ -205,7 +210,7 @@ def test_agents_are_capped_by_money(tmp_path: Path) -> None:
 
 
 def test_nothing_is_over_because_nobody_could_look(world: DaemonWorld) -> None:
-    world.mends[Repair.RESTORE] = lambda world, finding: Done(False, "no copy")
+    world.mends[Repair.RESTORE] = lambda world, finding: failed("no copy")
     world.truth.damaged = {"state/bench/serve/server.py": "changed"}
     world.start()
     world.truth.busy = "apply"

@@ -5,8 +5,9 @@ from typing import Any
 
 import pytest
 
-from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
-from octoform.daemon.repair.repairer import Agents, Repairs
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import FaultClass, Finding, Kind, Repair
+from octoform.daemon.repair.playbook import Means, carry_out
 
 FINDING = Finding(Kind.TOOL_FAILING, FaultClass.BROKEN_TOOL, "tool:a", "it fails", ("x",), Repair.HEAL, ())
 
@@ -27,7 +28,8 @@ def test_a_child_that_was_killed_leaves_nothing_in_service(repair: Repair, untol
     def run(job: str, brief: Mapping[str, Any], seconds: float) -> Mapping[str, Any]:
         done.append(job)
         assert brief["host"] == "bench" and seconds > 0
-        return {"ok": False, "detail": "it ended", "again": True, "untold": untold and job != "settle"}
+        cost = None if untold and job != "settle" else Cost()
+        return RepairOutcome.failed("test.end", "it ended", cost=cost).to_json()
 
-    made = Agents("bench", run, Repairs("bench", run))(FINDING, repair)
-    assert isinstance(made, Done) and made.untold is untold and done == jobs
+    made = carry_out(FINDING, repair, Means("bench", run))
+    assert (made.cost is None) is untold and done == jobs

@@ -51,7 +51,8 @@ def busy(project: Path) -> Iterator[Callable[[], bool]]:
 
 def test_it_does_a_job_and_says_so_in_one_line(tmp_path: Path) -> None:
     status, result = ran(asked("rotate", tmp_path, log="server.log"))
-    assert (status, result) == (0, {"ok": True, "detail": "there is no server.log", "again": True})
+    assert status == 0
+    assert (result["verdict"], result["detail"], result["again"]) == ("done", "there is no server.log", True)
 
 
 @pytest.mark.parametrize(
@@ -78,7 +79,8 @@ def test_it_is_told_to_end_and_ends_in_order(tmp_path: Path) -> None:
         process.send_signal(signal.SIGTERM)
         result = json.loads(process.stdout.read())
         assert process.wait(20) == STOPPED
-        assert result == {"ok": False, "detail": "rebind: it was asked to end", "again": True, "untold": True}
+        assert (result["verdict"], result["detail"]) == ("failed", "rebind: it was asked to end")
+        assert result["again"] is True and result["cost"] is None
 
 
 def test_it_ends_when_its_daemon_is_killed(tmp_path: Path) -> None:
@@ -113,5 +115,5 @@ def _until(holds: Callable[[], bool]) -> None:
 
 def test_every_repair_and_every_duty_has_its_job() -> None:
     duties = {"settings", "watch", "heal", "roll_back", "look", "settle"}
-    repairs = {"restart", "restore", "republish", "rebuild", "rebind", "rotate", "free", "rediscover"}
+    repairs = {"restart", "restore", "republish", "rebuild", "rebind", "rotate", "rediscover"}
     assert set(JOBS) == duties | repairs

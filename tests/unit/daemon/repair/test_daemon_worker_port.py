@@ -13,7 +13,7 @@ import pytest
 from waiting import until
 
 from octoform.base.processes import start_of
-from octoform.daemon.repair.worker_port import Workers
+from octoform.daemon.repair.worker import Workers
 
 ECHO = """
 import json, sys
@@ -44,7 +44,7 @@ DAEMON = """
 import os, sys, threading
 from pathlib import Path
 from octoform.daemon.main import _stopping
-from octoform.daemon.repair.worker_port import Workers
+from octoform.daemon.repair.worker import Workers
 
 workers = Workers(Path(sys.argv[1]), os.environ, [sys.executable, "-c", sys.argv[2]])
 threading.Thread(target=lambda: print(workers.run("heal", {}, 600), flush=True), daemon=True).start()
@@ -88,7 +88,7 @@ def test_a_job_is_asked_and_its_last_line_is_the_result(tmp_path: Path) -> None:
 )
 def test_a_child_without_a_result_is_a_failure_that_tells_why(tmp_path: Path, code: str, words: str) -> None:
     found = workers(tmp_path, code).run("rebuild", {}, 1)
-    assert found["ok"] is False and found["again"] is True and found["untold"] is True
+    assert found["ok"] is False and found["again"] is True and found["cost"] is None
     assert words in found["detail"]
 
 
@@ -101,10 +101,10 @@ def test_the_end_of_the_daemon_ends_a_child_and_its_agent_and_none_begins_after_
     port.end()
     thread.join(20)
     assert gone(found) and (tmp_path / "in order").exists()
-    assert json.loads(json.dumps(made)) == [
-        {"ok": False, "detail": "heal: it was ended with the daemon", "again": True, "untold": True}
-    ]
-    assert "untold" not in port.run("heal", {}, 600), "none was begun"
+    (lost,) = json.loads(json.dumps(made))
+    assert (lost["verdict"], lost["detail"], lost["cost"]) == ("failed", "heal: it was ended with the daemon", None)
+    none = port.run("heal", {}, 600)
+    assert (none["verdict"], none["cost"]["calls"]) == ("refused", 0), "none was begun"
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGKILL])

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from octoform.daemon.model import Done, FaultClass, Finding, Kind, Repair
-from octoform.daemon.repair import device_binding, disk_cleanup
-from octoform.daemon.repair.device_binding import rebind
-from octoform.daemon.repair.disk_cleanup import free, rotate
-from octoform.daemon.repair.repairer import Repairs, done
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import FaultClass, Finding, Kind, Repair
+from octoform.daemon.repair import upkeep
+from octoform.daemon.repair.playbook import Means, carry_out
+from octoform.daemon.repair.upkeep import free, rebind, rotate
 from octoform.daemon.repair.worker import JOBS
 from octoform.diagnostics import error
 from octoform.endpoint.environment.model import MARKER
@@ -41,9 +41,9 @@ def test_each_repair_is_a_job_of_the_child_with_what_it_needs() -> None:
     def run(job: str, brief: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         assert seconds > 0
         asked.append((job, dict(brief)))
-        return {"ok": True, "detail": "done"}
+        return RepairOutcome.done("test.end", "done").to_json()
 
-    repairs = Repairs("bench", run, "ask")
+    means = Means("bench", run, "ask")
     for kind, target, repair in (
         (Kind.PROCESS_DEAD, "endpoint", Repair.RESTART),
         (Kind.PROCESS_HUNG, "endpoint", Repair.RESTART),
@@ -53,27 +53,28 @@ def test_each_repair_is_a_job_of_the_child_with_what_it_needs() -> None:
         (Kind.HARDWARE_CHANGED, "hardware", Repair.REDISCOVER),
         (Kind.FILE_DAMAGED, "file:x", Repair.RESTORE),
     ):
-        assert repairs(finding(kind, target, repair), repair).ok
+        assert carry_out(finding(kind, target, repair), repair, means).ok
     host = {"host": "bench"}
     assert asked == [
         ("restart", {**host, "hung": False}),
         ("restart", {**host, "hung": True}),
-        ("free", host),
+        ("rotate", host),
         ("rotate", {**host, "log": "server.log"}),
         ("rebind", {**host, "device": "usb-1f00-00a1"}),
         ("rediscover", {**host, "apply": "ask"}),
         ("restore", host),
     ]
     assert {job for job, _ in asked} <= set(JOBS)
-    refused = repairs(finding(Kind.TOOL_FAILING, "tool:x", Repair.PERSON), Repair.PERSON)
+    refused = carry_out(finding(Kind.TOOL_FAILING, "tool:x", Repair.PERSON), Repair.PERSON, means)
     assert (refused.ok, refused.again) == (False, False)
 
 
 def test_a_result_is_believed_only_where_it_says_so() -> None:
+    done = RepairOutcome.from_json
     assert not done({}).ok and done({}).again
     assert not done({"ok": "yes"}).ok
-    found = done({"ok": False, "again": False, "detail": "x", "spent": {"calls": 2, "input_tokens": None, "usd": None}})
-    assert (found.again, found.spent.calls, found.spent.input_tokens, found.spent.usd) == (False, 2, 0, None)
+    found = done({"ok": False, "again": False, "detail": "x", "cost": {"calls": 2, "input_tokens": None, "usd": None}})
+    assert (found.again, found.detail, found.cost) == (False, "x", Cost(2, 0, 0, None))
 
 
 def test_room_is_made_of_what_can_be_made_again_until_there_is_enough(
@@ -98,7 +99,7 @@ def test_room_is_made_of_what_can_be_made_again_until_there_is_enough(
     (layout.local / "results").mkdir()
     (layout.local / "results" / "picture.jpg").write_bytes(b"a person's")
     rooms = iter([0] * 100)
-    monkeypatch.setattr(disk_cleanup, "room", lambda _: next(rooms))
+    monkeypatch.setattr(upkeep, "room", lambda _: next(rooms))
     done = free(layout)
     assert (done.ok, done.again) == (False, False) and "free some space on that disk" in done.detail
     assert [path.name for path in layout.environments.iterdir() if not path.name.startswith(".")] == [names[0]]
@@ -114,7 +115,7 @@ def test_nothing_more_is_dropped_than_is_needed(layout: Layout, monkeypatch: pyt
     for number in (1, 2, 3):
         (layout.logs / f"server.log.{number}").write_bytes(b"x")
     rooms = iter([0, 0, 10, 10, 10])
-    monkeypatch.setattr(disk_cleanup, "room", lambda _: next(rooms))
+    monkeypatch.setattr(upkeep, "room", lambda _: next(rooms))
     assert free(layout, wanted=5).ok
     assert len(list(layout.logs.iterdir())) == 2
 
@@ -170,8 +171,8 @@ def test_a_place_is_written_down_only_where_it_is_certain(
 
 def test_a_place_that_could_not_be_written_down_is_reported(layout: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
     write_instances(layout, {"usb-1f00-00b1": {"port": "1-1", "sysfs": "/sys/devices/usb1/1-1"}})
-    monkeypatch.setattr(device_binding, "write_instances", lambda *_: [error("STATE-WRITE-FAILED", "the disk is full")])
-    assert rebind(layout, "usb-1f00-00b1", lambda ids: {ids[0]: told()}) == Done(False, "the disk is full")
+    monkeypatch.setattr(upkeep, "write_instances", lambda *_: [error("STATE-WRITE-FAILED", "the disk is full")])
+    assert rebind(layout, "usb-1f00-00b1", lambda ids: {ids[0]: told()}).detail == "the disk is full"
 
 
 def test_a_device_that_this_machine_does_not_know_is_for_a_person(layout: Layout) -> None:
@@ -182,14 +183,14 @@ def test_a_device_that_this_machine_does_not_know_is_for_a_person(layout: Layout
 def test_the_endpoint_is_started_again_without_a_child_where_the_daemon_does_it_itself() -> None:
     lines: list[bool] = []
 
-    def restarted(hung: bool) -> Done:
+    def restarted(hung: bool) -> RepairOutcome:
         lines.append(hung)
-        return Done(True, "process 7 serves it")
+        return RepairOutcome.done("restart.serves", "process 7 serves it")
 
     def run(job: str, brief: Mapping[str, Any], seconds: float) -> dict[str, Any]:
         raise AssertionError(f"a child was started for {job}")
 
-    repairs = Repairs("bench", run, "ask", restarted)
+    means = Means("bench", run, "ask", restarted)
     for kind in (Kind.PROCESS_DEAD, Kind.PROCESS_HUNG):
-        assert repairs(finding(kind, "endpoint", Repair.RESTART), Repair.RESTART).ok
+        assert carry_out(finding(kind, "endpoint", Repair.RESTART), Repair.RESTART, means).ok
     assert lines == [False, True]

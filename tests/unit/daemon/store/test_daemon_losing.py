@@ -5,10 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from daemon_world import DaemonWorld
+from daemon_world import DaemonWorld, worked
 
-from octoform.daemon.model import Cause, Done, Facts, Finding, Outcome, Repair
-from octoform.daemon.reconcile.repair_policy import Ended, Task, Work
+from octoform.apply.repair_outcome import RepairOutcome
+from octoform.daemon.model import Cause, Facts, Finding, Outcome, Repair
+from octoform.daemon.reconcile.bench import Ended, Task, Work
 
 
 @pytest.fixture
@@ -47,9 +48,9 @@ class Late:
 
 
 def test_an_endpoint_whose_manifest_is_lost_is_published_again(world: DaemonWorld) -> None:
-    def republish(world: DaemonWorld, finding: Finding) -> Done:
+    def republish(world: DaemonWorld, finding: Finding) -> RepairOutcome:
         world.truth.applied = True
-        return Done(True, "put back manifest.json")
+        return worked("put back manifest.json")
 
     world.mends[Repair.REPUBLISH] = republish
     world.start()

@@ -9,11 +9,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Outcome, Repair, Spent
+from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Outcome, Repair
 from octoform.daemon.store import incidents
 from octoform.daemon.store.agent_budget import AgentBudget
 from octoform.daemon.store.backoff import FLAPS, Backoffs
-from octoform.daemon.store.incidents import Incidents, Try
+from octoform.daemon.store.incidents import Incidents
 from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.store.memory import Memory
 from octoform.manifest.model import Daemon
@@ -208,19 +209,21 @@ def test_a_link_is_neither_read_nor_written_through(shelf: Shelf, tmp_path: Path
 def test_episodes_survive_a_torn_line_and_go_on_counting(shelf: Shelf) -> None:
     kept = Incidents(shelf, "b1")
     first = kept.begin(FINDING, at(1.0))
-    kept.tried(first, Try("restore", STAMP, True, "\x1b[31mdone", 0.5), Spent(1, 2, 3, 0.5))
+    made = RepairOutcome.done("restore.put-back", "\x1b[31mdone", cost=Cost(1, 2, 3, 0.5), seconds=0.5)
+    made = replace(made, repair="restore", at=STAMP)
+    kept.tried(first, made)
     with shelf.path("episodes.jsonl").open("ab") as file:
         file.write(b'{"format":1,"id":"e2","ki')
     later = Incidents(shelf, "b1")
     later.load()
     assert [item.code for item in shelf.new_diagnostics()] == ["DAEMON-MEMORY-DAMAGED"]
     assert list(later.open) == [FINDING.key]
-    assert later.open[FINDING.key].tries == [Try("restore", STAMP, True, "\\x1b[31mdone", 0.5)]
+    assert later.open[FINDING.key].tries == [made.plain()]
     second = later.begin(replace(FINDING, target="file:b"), at(2.0))
     later.end(later.open[FINDING.key], Outcome.REPAIRED, STAMP, 3.0)
     found = incidents.read(shelf)
     assert [(item.id, item.over) for item in found] == [("e1", True), (second.id, False)]
-    assert found[0].spent == Spent(1, 2, 3, 0.5)
+    assert found[0].spent == Cost(1, 2, 3, 0.5)
     for line in shelf.path("episodes.jsonl").read_bytes().splitlines():
         assert line.startswith(b'{"format":1')
 
@@ -239,7 +242,7 @@ def test_a_grown_file_of_episodes_is_cut_and_keeps_what_lasts(shelf: Shelf, monk
     assert again.begin(replace(FINDING, target="new"), at(3.0)).id == "e22"
 
 
-def run(purse: AgentBudget, now: float, spent: Spent) -> None:
+def run(purse: AgentBudget, now: float, spent: Cost) -> None:
     entry = purse.begin(now, STAMP)
     assert entry is not None
     purse.settle(entry, spent)
@@ -247,7 +250,7 @@ def run(purse: AgentBudget, now: float, spent: Spent) -> None:
 
 def test_the_purse_counts_a_run_before_it_is_made_and_over_boots_whatever_the_wall_clock_says(shelf: Shelf) -> None:
     purse = AgentBudget(shelf, "b1", 2, None)
-    run(purse, 100.0, Spent(1, 0, 0, 0.1))
+    run(purse, 100.0, Cost(1, 0, 0, 0.1))
     purse.begin(200.0, STAMP)  # its daemon is killed here
     again = AgentBudget(shelf, "b1", 2, None)
     again.load()
@@ -261,7 +264,7 @@ def test_the_purse_counts_a_run_before_it_is_made_and_over_boots_whatever_the_wa
 
 def test_an_agent_that_was_not_called_after_all_costs_nothing(shelf: Shelf) -> None:
     purse = AgentBudget(shelf, "b1", 1, None)
-    run(purse, 0.0, Spent())
+    run(purse, 0.0, Cost())
     assert purse.free_at(1.0, STAMP) is None
     assert json.loads(shelf.path("spend.json").read_bytes())["spent"] == []
 
@@ -274,14 +277,14 @@ def test_a_run_whose_daemon_is_killed_counts_with_all_its_attempts(shelf: Shelf)
 
 
 def test_what_nobody_can_tell_counts_as_spent(shelf: Shelf) -> None:
-    run(AgentBudget(shelf, "b1", 6, None), 0.0, Spent(1, 0, 0, 0.1))
+    run(AgentBudget(shelf, "b1", 6, None), 0.0, Cost(1, 0, 0, 0.1))
     shelf.path("spend.json").write_bytes(b'{"format": 1, "spent": [')
     for _ in range(2):  # and over restarts
         again = AgentBudget(shelf, "b1", 6, None)
         again.load(10.0)
         assert again.left(11.0, STAMP) == 0 and again.free_at(11.0, STAMP) == 3610.0
     dear = AgentBudget(shelf, "b2", 6, 1.0)
-    run(dear, 5000.0, Spent(1, 0, 0, None))
+    run(dear, 5000.0, Cost(1, 0, 0, None))
     assert dear.free_at(5001.0, STAMP) is not None, "no one knows what it cost"
 
 
