@@ -25,6 +25,7 @@ from mcp_types import (
 )
 
 from octoform.base.escaping import display, escaped
+from octoform.server.internals import low_level, strip
 from octoform.server.notifications import Changes
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
@@ -97,16 +98,8 @@ def only_tools(server: Any) -> Middleware:
     """Strip a FastMCP server; the middleware given back belongs behind whatever offers resources of our own."""
     server.middleware[:] = [each for each in server.middleware if type(each) is DereferenceRefsMiddleware]
     # What a server answers that has nothing on it; completions and extensions come on top of that.
-    plain = FastMCP("plain")._mcp_server
-    low_level = server._mcp_server
-    for handlers, known in (
-        (low_level._request_handlers, plain._request_handlers),
-        (low_level._notification_handlers, plain._notification_handlers),
-    ):
-        for method in handlers.keys() - known.keys():
-            del handlers[method]
-    server._extensions.clear()
-    low_level.middleware.insert(0, _brief)
+    strip(server, FastMCP("plain"))
+    low_level(server).middleware.insert(0, _brief)
     return _Nothing()
 
 

@@ -34,6 +34,7 @@ from mcp_types import (
 from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 
 from octoform.base.escaping import display
+from octoform.server.internals import connection_of, low_level
 from octoform.server.process.principal import current
 
 MAX_URIS = 100
@@ -62,13 +63,12 @@ class Changes:
         self._wanted: WeakKeyDictionary[Connection, set[str]] = WeakKeyDictionary()
         self._unsent: WeakKeyDictionary[Connection, dict[Message, None]] = WeakKeyDictionary()
         self._tasks: set[asyncio.Task[None]] = set()
-        # FastMCP has no public way to serve these methods; the version of it is pinned.
-        low_level = server._mcp_server
-        low_level.middleware.insert(0, self._remember)
-        low_level.add_request_handler("subscriptions/listen", SubscriptionsListenRequestParams, self._listen)
-        low_level.add_request_handler("resources/subscribe", SubscribeRequestParams, self._subscribe)
-        low_level.add_request_handler("resources/unsubscribe", UnsubscribeRequestParams, self._unsubscribe)
-        low_level.get_capabilities = _without_prompts(low_level.get_capabilities)
+        inner = low_level(server)
+        inner.middleware.insert(0, self._remember)
+        inner.add_request_handler("subscriptions/listen", SubscriptionsListenRequestParams, self._listen)
+        inner.add_request_handler("resources/subscribe", SubscribeRequestParams, self._subscribe)
+        inner.add_request_handler("resources/unsubscribe", UnsubscribeRequestParams, self._unsubscribe)
+        inner.get_capabilities = _without_prompts(inner.get_capabilities)
 
     def tools(self) -> None:
         """The list of tools changed, or its description of one of them."""
@@ -129,7 +129,7 @@ class Changes:
         """See every message, to know the event loop and which clients of the handshake era are connected."""
         self._loop = asyncio.get_running_loop()
         if context.method == "notifications/initialized" and context.protocol_version not in MODERN_PROTOCOL_VERSIONS:
-            self._clients.add(context.session._connection)
+            self._clients.add(connection_of(context.session))
         return await call_next(context)
 
     async def _listen(self, context: Context, params: SubscriptionsListenRequestParams) -> SubscriptionsListenResult:
@@ -145,7 +145,7 @@ class Changes:
         return await self._streams(context, given)
 
     async def _subscribe(self, context: Context, params: SubscribeRequestParams) -> EmptyResult:
-        uris = self._wanted.setdefault(context.session._connection, set())
+        uris = self._wanted.setdefault(connection_of(context.session), set())
         _check([*uris, str(params.uri)])
         if "read" not in current().effects:
             raise MCPError(code=INVALID_PARAMS, message="this token may read no resource")
@@ -155,7 +155,7 @@ class Changes:
         return EmptyResult()
 
     async def _unsubscribe(self, context: Context, params: UnsubscribeRequestParams) -> EmptyResult:
-        self._wanted.get(context.session._connection, set()).discard(str(params.uri))
+        self._wanted.get(connection_of(context.session), set()).discard(str(params.uri))
         return EmptyResult()
 
 

@@ -14,6 +14,7 @@ from octoform.base.clock import boot_id
 from octoform.server import tool_policy
 from octoform.server.catalog import offer
 from octoform.server.emergency_stop import ENDING, Emergency, Running
+from octoform.server.internals import lifespan, low_level
 from octoform.server.latch import Latch
 from octoform.server.limits import Ledger
 from octoform.server.resources import DEVICES, FRAMES
@@ -52,8 +53,8 @@ TEXT = (
 
 def introduce(server: Any, descriptor: Descriptor) -> None:
     """Give a FastMCP server the host's name, octoform's version and instructions for its clients."""
-    server._mcp_server.name = f"octoform-{descriptor.host}"
-    server._mcp_server.version = descriptor.version
+    inner = low_level(server)
+    inner.name, inner.version = f"octoform-{descriptor.host}", descriptor.version
     server.instructions = TEXT.format(host=descriptor.host, devices=DEVICES, frames=FRAMES)
 
 
@@ -104,7 +105,7 @@ class Endpoint:
         for number in (signal.SIGTERM, signal.SIGINT):
             loop.add_signal_handler(number, stopping.set)
         _outlive_lines()
-        async with self._server._lifespan_manager():
+        async with lifespan(self._server):
             await self._gate.arm(self._server)  # only now: no client waits yet, so what begins may take its time
             doors = self._open()
             control = self._answer()

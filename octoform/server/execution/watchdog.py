@@ -23,10 +23,13 @@ from queue import SimpleQueue
 from types import CodeType, FrameType
 from typing import Any, Protocol
 
-from anyio._backends._asyncio import AsyncIOBackend
-from anyio._core._eventloop import claim_worker_thread, set_current_async_library
-
 from octoform.base import files
+from octoform.server.internals import tool_thread
+
+try:  # where a server has it, anyio asks it which event loop this is
+    from sniffio import current_async_library_cvar as _LIBRARY
+except ImportError:
+    _LIBRARY = None  # type: ignore[assignment]
 
 # Threads for the tools that block, which can be stopped.
 #
@@ -121,7 +124,7 @@ class Worker(threading.Thread):
                 ctypes.pythonapi.PyThreadState_SetAsyncExc(ctypes.c_ulong(self.ident), ctypes.py_object(Interrupted))
 
     def run(self) -> None:
-        with claim_worker_thread(AsyncIOBackend, self._loop):
+        with tool_thread(self._loop):
             while (job := self.inbox.get()) is not None:
                 value, problem = self._perform(job)
                 try:
@@ -161,7 +164,8 @@ class Worker(threading.Thread):
 
 def _call(function: Callable[[], Any]) -> Any:
     # What runs here is no part of the event loop, although its context was copied from there.
-    set_current_async_library(None)
+    if _LIBRARY is not None:
+        _LIBRARY.set(None)
     return function()
 
 

@@ -20,6 +20,7 @@ import secrets
 import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import anyio
@@ -39,6 +40,7 @@ from mcp_types import (
 from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 
 from octoform.base.files import parse
+from octoform.server.internals import low_level
 
 VALID_SECONDS = 600.0
 OPEN = 1000
@@ -209,24 +211,27 @@ def overhear(server: Any, heard: Callable[[str, str], None]) -> None:
 
     It seals what goes out with a question, and refuses by itself what comes back altered, late, or with another call.
     """
-    # FastMCP has no public way to see this; the version of it is pinned.
-    for each in server._mcp_server.middleware:
-        if isinstance(each, RequestStateBoundary):
-            _overhear(each, heard)
+    middleware = low_level(server).middleware
+    place = next((at for at, each in enumerate(middleware) if isinstance(each, RequestStateBoundary)), None)
+    if place is not None:
+        middleware[place] = partial(_overheard, middleware[place], heard)
 
 
-def _overhear(boundary: Any, heard: Callable[[str, str], None]) -> None:
-    unseal = boundary._unseal
+async def _overheard(boundary: Any, heard: Callable[[str, str], None], context: Any, call_next: Any) -> Any:
+    """What the library's own guard lets through goes on; what it refuses, no one behind it has seen."""
+    passed = False
 
-    def unsealed(context: Any) -> Any:
-        try:
-            return unseal(context)
-        except MCPError as problem:
-            if context.method == "tools/call":
-                heard(str((context.params or {}).get("name")), problem.error.message)
-            raise
+    async def go_on(inner: Any) -> Any:
+        nonlocal passed
+        passed = True
+        return await call_next(inner)
 
-    boundary._unseal = unsealed
+    try:
+        return await boundary(context, go_on)
+    except MCPError as problem:
+        if not passed and context.method == "tools/call":
+            heard(str((context.params or {}).get("name")), problem.error.message)
+        raise
 
 
 def _can_ask(context: Context) -> bool:

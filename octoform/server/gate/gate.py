@@ -30,6 +30,7 @@ from octoform.server.execution.bus_queue import Busy, Holder, abandon, release, 
 from octoform.server.execution.result_size import of_result
 from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
+from octoform.server.internals import mask_errors
 from octoform.server.latch import Latch
 from octoform.server.limits import Ledger
 from octoform.server.process import principal
@@ -106,7 +107,7 @@ class Gate(Middleware):
 
     async def arm(self, server: Any) -> None:
         """Put every tool of the server under guard, mask what its code reveals by accident, and watch this loop."""
-        server._mask_error_details = True
+        mask_errors(server)
         await self._entries.fill(server)
         pin(server, self._entries)
         overhear(server, self._records.turned_away)

@@ -20,6 +20,7 @@ from mcp_types import InputRequiredResult
 
 from octoform.server.execution.bus_queue import Bus
 from octoform.server.execution.work import current, guard
+from octoform.server.internals import holds, is_extended, low_level
 from octoform.server.process import principal
 from octoform.server.restrictions import Subject
 from octoform.server.tool_policy import Policy, ToolPolicy
@@ -199,12 +200,12 @@ def pin(server: Any, entries: Entries) -> None:
         return entry.schema if entry is not None and visible else None
 
     server.get_tool = get_tool
-    server._mcp_server.get_tool_input_schema = input_schema
+    low_level(server).get_tool_input_schema = input_schema
 
 
 def innermost(server: Any, middleware: Any, tool: Tool) -> bool:
     """Whether nothing is between this middleware and the tool."""
-    return _steady(server, tool) and server.middleware[-1] is middleware and not server._extensions
+    return _steady(server, tool) and server.middleware[-1] is middleware and not is_extended(server)
 
 
 async def straight(tool: FunctionTool, effective: Effective) -> ToolResult:
@@ -219,6 +220,5 @@ async def straight(tool: FunctionTool, effective: Effective) -> ToolResult:
 
 def _steady(server: Any, tool: Tool) -> bool:
     """Whether the server has nothing between a name and this tool, and still has it."""
-    provider = server.local_provider
-    plain = not server._transforms and len(server.providers) == 1 and not provider._transforms
-    return plain and provider._components.get(tool.key) is tool
+    plain = not server.transforms and len(server.providers) == 1 and not server.local_provider.transforms
+    return plain and holds(server, tool)

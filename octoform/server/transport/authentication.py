@@ -24,6 +24,7 @@ from starlette.responses import JSONResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from octoform.base.tokens import Token, read
+from octoform.server.internals import end_session, owners, transports
 from octoform.server.process.stderr_log import Throttle, write_line
 
 # Who may come in over the network: the tokens of this host, by the digest of their values. Standard library only.
@@ -188,13 +189,13 @@ class Open:
         A client that opens one after the other and ends none then costs only its own token's idle ones.
         """
         sessions = self.sessions
-        if sessions is None or len(sessions._server_instances) < sessions.max_sessions:
+        if sessions is None or len(transports(sessions)) < sessions.max_sessions:
             return
-        owners = {identity: owner["subject"] for identity, owner in sessions._session_owners.items()}
-        most = Counter(owners.values()).most_common(1)[0][0]
-        for identity, transport in tuple(sessions._server_instances.items()):
-            if owners.get(identity) == most and identity not in self._busy:
-                await sessions._discard_session(identity, transport)
+        subjects = {identity: owner["subject"] for identity, owner in owners(sessions).items()}
+        most = Counter(subjects.values()).most_common(1)[0][0]
+        for identity, transport in tuple(transports(sessions).items()):
+            if subjects.get(identity) == most and identity not in self._busy:
+                await end_session(sessions, identity, transport)
                 return
 
     def end_all(self) -> None:
@@ -207,17 +208,17 @@ class Open:
         """End what is open of tokens that ended, permanently."""
         while True:
             await anyio.sleep(LOOK_SECONDS)
-            owners = {} if self.sessions is None else dict(self.sessions._session_owners)
-            if self._requests or owners:
-                await self._end(self._tokens.valid(), owners)
+            opened = {} if self.sessions is None else owners(self.sessions)
+            if self._requests or opened:
+                await self._end(self._tokens.valid(), opened)
 
-    async def _end(self, valid: frozenset[str], owners: dict[str, Any]) -> None:
+    async def _end(self, valid: frozenset[str], opened: dict[str, Any]) -> None:
         for digest in [digest for digest in self._requests if digest not in valid]:
             LOGGER.warning("a token ended: %d of its requests were ended", len(self._requests[digest]))
             for under_way in tuple(self._requests[digest]):
                 under_way.cancel()
-        for identity, owner in owners.items():
-            transport = self.sessions._server_instances.get(identity)
+        for identity, owner in opened.items():
+            transport = transports(self.sessions).get(identity)
             if owner["subject"] not in valid and transport is not None:
                 LOGGER.warning("a token ended: its session was ended")
-                await self.sessions._discard_session(identity, transport)
+                await end_session(self.sessions, identity, transport)

@@ -270,7 +270,7 @@ class Web:
         """Answer until `stop`; when cancelled, the door is closed in order first."""
         if self._listening is None:
             raise RuntimeError("the door was not opened")
-        serving = asyncio.ensure_future(self._uvicorn._serve(list(self._listening.sockets)))
+        serving = asyncio.ensure_future(self._uvicorn.serve(list(self._listening.sockets)))
         watching = asyncio.ensure_future(self._watch())
         try:
             # Neither goes on without the other: an unsupervised listener would keep streams of ended tokens open.

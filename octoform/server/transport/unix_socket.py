@@ -18,11 +18,12 @@ from typing import Any
 
 import anyio
 import mcp_types
+from anyio.streams.memory import MemoryObjectReceiveStream, MemoryObjectSendStream
 from fastmcp.server.context import reset_transport, set_transport
-from mcp.shared._context_streams import ContextReceiveStream, ContextSendStream, create_context_streams
 from mcp.shared.message import SessionMessage
 
 from octoform.base.files import parse
+from octoform.server.internals import low_level
 from octoform.server.process.local_socket import PASSING, PAUSE, connected, peer
 from octoform.server.process.stderr_log import Throttle
 
@@ -40,8 +41,8 @@ _CHUNK = 1 << 16
 LOGGER = logging.getLogger("octoform.unix")
 LOGGER.addFilter(Throttle())
 
-Incoming = ContextSendStream[SessionMessage | Exception]
-Outgoing = ContextReceiveStream[SessionMessage]
+Incoming = MemoryObjectSendStream[SessionMessage | Exception]
+Outgoing = MemoryObjectReceiveStream[SessionMessage]
 
 
 class LocalClients:
@@ -106,16 +107,16 @@ class LocalClients:
         connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BYTES)
         connected(peer(connection))  # this task's context, and that of all it starts
         reader, writer = await asyncio.open_unix_connection(sock=connection, limit=_CHUNK)
-        to_server, read = create_context_streams[SessionMessage | Exception](0)
-        write, from_server = create_context_streams[SessionMessage](0)
+        to_server, read = anyio.create_memory_object_stream[SessionMessage | Exception](0)
+        write, from_server = anyio.create_memory_object_stream[SessionMessage](0)
         token = set_transport("stdio")
-        low_level = self._server._mcp_server
+        inner = low_level(self._server)
         try:
             async with anyio.create_task_group() as group:
                 outbox = _Outbox(writer, group.cancel_scope.cancel)
                 group.start_soon(_read, reader, outbox, to_server)
                 group.start_soon(_write, outbox, from_server)
-                await low_level.run(read, write, low_level.create_initialization_options())
+                await inner.run(read, write, inner.create_initialization_options())
                 group.cancel_scope.cancel()
         finally:
             reset_transport(token)
