@@ -134,7 +134,8 @@ def renewed(parts: Mapping[str, str], outputs: Mapping[str, tuple[str, str]]) ->
     """The key parts of a node that was verified again after other nodes were; ``outputs`` has their digests before and
     after. An input that was not the former output stays: what was made of something older still is."""
     pairs = {f"{INPUT}{name}": pair for name, pair in outputs.items()}
-    return {part: pairs[part][1] if pairs.get(part, ("",))[0] == value else value for part, value in parts.items()}
+    found = {part: pairs.get(part, (None, value)) for part, value in parts.items()}
+    return {part: after if parts[part] == before else parts[part] for part, (before, after) in found.items()}
 
 
 def key_of(parts: Mapping[str, str]) -> str:

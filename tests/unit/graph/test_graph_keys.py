@@ -59,7 +59,7 @@ def test_which_parts_moved_and_which_are_inputs() -> None:
 
 
 def test_what_was_verified_again_has_the_new_output_where_it_had_the_former_one() -> None:
-    parts = {"spec": "old", "input.serve": "old", "input.deploy": "older", "input.probe": "old"}
+    parts = {"spec": "old", "model": "", "input.serve": "old", "input.deploy": "older", "input.probe": "old"}
     after = renewed(parts, {"serve": ("old", "new"), "deploy": ("old", "new")})
     assert after == {**parts, "input.serve": "new"}
 
