@@ -7,12 +7,14 @@ and none takes one away, so why a repair was refused or did not hold is read off
 from collections.abc import Iterable, Mapping
 from dataclasses import field, replace
 from enum import StrEnum
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.harness.port import Usage
 from octoform.records import dataclass
+
+if TYPE_CHECKING:
+    from octoform.harness.port import Usage
 
 TEXT_CHARACTERS = 1500
 """Of all reasons of one outcome: they hold words of devices and programs."""
@@ -56,7 +58,7 @@ class Cost:
     usd: float | None = 0.0
 
     @classmethod
-    def of(cls, calls: int, usage: Usage) -> "Cost":
+    def of(cls, calls: int, usage: "Usage") -> "Cost":
         """Of so many runs; a run of unknown price is not free."""
         usd = usage.cost_usd if usage.cost_usd is not None or calls else 0.0
         return cls(calls, usage.input_tokens or 0, usage.output_tokens or 0, usd)

@@ -115,10 +115,9 @@ class RepairKind:
         """The work itself, in the child; what is heavy is imported here."""
         raise NotImplementedError
 
-    def verify(self, *, present: bool, diagnosed: bool) -> Reason | None:
-        """Why it did not help, as the next facts show; an agent that ``diagnosed`` the problem has done its work."""
-        helped = not present or (diagnosed and self.name is Repair.WATCH)
-        return None if helped else Reason("check.still-there", "the problem is still there")
+    def verify(self, *, present: bool, diagnosed: bool) -> Reason | None:  # noqa: ARG002 - of WATCH
+        """Why it did not help: the problem is ``present`` in the next facts; ``diagnosed``: an agent has named it."""
+        return Reason("check.still-there", "the problem is still there") if present else None
 
     def roll_back(self, means: Means) -> None:
         """Settle what a child that was killed has left in service, before anybody looks again."""
@@ -253,6 +252,10 @@ class Watch(RepairKind):
         from octoform.engine.unattended.session import diagnose
 
         return diagnose(given.layout.project, given.environ, given.brief)
+
+    def verify(self, *, present: bool, diagnosed: bool) -> Reason | None:
+        """A diagnosis is all that it is asked for."""
+        return super().verify(present=present and not diagnosed, diagnosed=diagnosed)
 
 
 class Heal(RepairKind):

@@ -111,6 +111,18 @@ def test_starts_of_another_boot_and_a_damaged_record_count_for_nothing(machine: 
         assert machine.restart()[0]
 
 
+def test_starts_as_a_former_version_wrote_them_count(machine: Machine) -> None:
+    machine.layout.daemon.mkdir(parents=True)
+    known = [
+        {"boot": machine.boot, "uptime": 1.0, "ok": True, "why": "", "until": 90.0},
+        {"boot": machine.boot, "uptime": 99.0, "ok": False, "why": "no such file", "until": None},
+    ]
+    (machine.layout.daemon / "starts.json").write_text(json.dumps({"format": 1, "starts": known}))
+    assert [(each.why, each.short) for each in read(machine.layout)] == [(None, False), ("no such file", True)]
+    assert machine.restart()[0]
+    assert [each.why for each in read(machine.layout)] == [None, "no such file", None]
+
+
 def test_what_ends_on_its_first_breath_was_not_started(machine: Machine) -> None:
     machine.settled = False
     assert machine.restart() == (False, True, "it ended as soon as it had started")
