@@ -1,6 +1,6 @@
 # make test        set up and pass all tests; HARNESSES="pi codex" says which agent programs are tested (default: pi);
 #                  pi passes its whole failure matrix, other programs what needs no waiting; programs in CLIENTS only list
-#                  the endpoint
+#                  the endpoint. Of long lists of cases it passes a share, with WHOLE=1 all
 # make test-harnesses  install all agent programs and pass all tests that run them
 # make recordings  score the embedded agent over a folder of recorded hosts: make recordings DIR=... [SAMPLE=3], and then
 #                  over DEVICES generated ones (default 10000, 250 with a SAMPLE)
@@ -9,8 +9,9 @@
 # make faults      inject every fault of the campaign into live deployments, TIMES times (default 5), and print a table
 #                  (docs/faults.md); ONLY="words" takes the cases with one of these words in their names. Then spoil
 #                  every file of a host MUTATIONS times (default 200; 0 leaves that out). Then kill an apply at each
-#                  durable point. Then ten thousand commands and faults at random, of which `make test` tries a
-#                  thousand: no limit is passed. Then twenty times the examples of properties, and other ones each time
+#                  durable point. Then ten thousand commands and faults at random, of which `make test` tries
+#                  five hundred: no limit is passed. Then all cases of long lists, and of properties fifty times the
+#                  examples, other ones each time
 # make soak        random faults at a high rate for SECONDS (default 3600): memory, processes, files and locks stay flat
 # make coverage    run the unit tests and print how much of each package they reach; TESTS="tests/unit tests/faults" takes
 #                  other ones. Measuring takes time and imports, so a few tests of those fail here
@@ -21,6 +22,7 @@ PYTHON := .venv/bin/python
 FROM_TESTS := PYTHONPATH=tests:tests/support $(PYTHON)
 HARNESSES := pi
 CLIENTS :=
+export WHOLE ?=
 ALL_HARNESSES := pi opencode claude-code codex gemini-cli qwen-code
 # Programs go into a folder of the user that all checkouts share: OCTOFORM_AGENTS, else below the cache folder.
 # Marked `patience` are the cells of the failure matrix that let seconds pass, with all programs but pi.
@@ -77,12 +79,14 @@ MUTATIONS := 200
 SEED := 1
 SECONDS := 3600
 CAMPAIGN := $(FROM_TESTS) -m campaign
+SHARED_TESTS = $(shell grep -rlE --include='test_*.py' '\bevery=[0-9]|import share' tests)
 RANDOM_TESTS = $(shell grep -rl --include='test_*.py' 'from hypothesis' tests)
 faults: setup
 	@$(CAMPAIGN).run --times $(TIMES) --only $(ONLY)
 	@$(CAMPAIGN).mutations --mutations $(MUTATIONS) --seed $(SEED) --workers $(WORKERS) --only $(ONLY)
 	@EVERY_POINT=1 $(PYTHON) -m pytest -n $(WORKERS) tests/faults/test_faults_crash.py tests/unit/state/test_state_crash.py
 	@SEEDS=4 COMMANDS=2500 $(PYTHON) -m pytest -n $(WORKERS) tests/integration/test_limits_under_faults.py
+	@WHOLE=1 $(PYTHON) -m pytest -n $(WORKERS) $(SHARED_TESTS)
 	@$(PYTHON) -m pytest -n $(WORKERS) -o faulthandler_timeout=0 --hypothesis-profile=random $(RANDOM_TESTS)
 
 soak: setup

@@ -49,7 +49,7 @@ def pytest_configure(config: pytest.Config) -> None:
     # How long an example takes depends on the machine's other work, not on the code. One change has the same verdict
     # wherever it is tested; examples that nobody has seen are for `make faults`, which asks for the other profile.
     lenient = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow, HealthCheck.function_scoped_fixture])
-    settings.register_profile("tests", lenient, max_examples=25, derandomize=True, database=None)
+    settings.register_profile("tests", lenient, max_examples=10, derandomize=True, database=None)
     settings.register_profile("random", lenient, max_examples=500)
     settings.load_profile("tests")
 

@@ -109,7 +109,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     return dict(zip(WRONG, errors, strict=True))
 
 
-@for_each("case", WRONG)
+@for_each("case", WRONG, every=3, kind=lambda case: WRONG[case][1])
 def test_a_wrong_set_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
     assert code in refused[case] and found in refused[case][code], refused[case]

@@ -18,7 +18,7 @@ from fastmcp.exceptions import ToolError
 from gated import gated
 from virtual_rig import VirtualRig, described, virtual_rig
 
-SEEDS, COMMANDS = range(int(os.environ.get("SEEDS", "2"))), int(os.environ.get("COMMANDS", "500"))
+SEEDS, COMMANDS = range(int(os.environ.get("SEEDS", "2"))), int(os.environ.get("COMMANDS", "250"))
 """`make faults` sets more: four courses of 2500 commands."""
 JOINTS = ("shoulder_pan", "shoulder_lift", "elbow_flex", "wrist_flex", "wrist_roll", "gripper")
 SERVO_FAULTS = (None, None, "mute", "stuck", "deaf_torque", "corrupt", "half")

@@ -643,7 +643,7 @@ def refused(tmp_path_factory: pytest.TempPathFactory, packaged: Callable[..., Pa
     return dict(zip(WRONG, errors, strict=True))
 
 
-@for_each("case", WRONG)
+@for_each("case", WRONG, every=4, kind=lambda case: WRONG[case][1])
 def test_a_wrong_server_is_refused_with_the_cure(refused: dict[str, dict[str, str]], case: str) -> None:
     _, code, found = WRONG[case]
     assert refused[case].keys() - {MEMORY} == {code} and found in refused[case][code], refused[case]
@@ -660,7 +660,7 @@ def test_a_right_server_in_other_words_is_accepted(tmp_path: Path, packaged: Cal
     assert errors == [] and (project.state / "serve" / "server.py").read_text() == server
 
 
-@for_each("way", RIGHT, parts=2)
+@for_each("way", RIGHT, every=3)
 def test_a_right_way_to_read_gives_no_finding(way: str, bench_server: tuple[Output, str]) -> None:
     interface, good = bench_server
     found = serve_static(all_of(IMPORTS, reading_by(way, 0))(good), interface)

@@ -3,13 +3,16 @@
 An item of pytest costs its share of collection, of fixtures and of the talk between workers, whatever it does. Cases
 that take milliseconds are therefore passed inside one item, or inside a few where hundreds of them would keep one
 worker busy when the others have ended. Ones that take long, or that a person wants to run alone, stay parametrised.
+
+Of a long list of cases of one kind `make test` passes a share, the same one each time; `make test WHOLE=1` passes all.
 """
 
 import functools
 import inspect
+import os
 from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import pytest
 
@@ -18,17 +21,39 @@ MAX_FAILURES = 20
 """How many are shown in full: a rule that is broken fails for hundreds."""
 
 
+Case = TypeVar("Case")
+
+
+def share(cases: Iterable[Case], every: int, kind: Callable[[Case], object] | None = None) -> list[Case]:
+    """Every so many-th of the cases, and the first of each kind; all of them where WHOLE is set and not empty."""
+    if os.environ.get("WHOLE") or every == 1:
+        return list(cases)
+    kinds: set[object] = set()
+    kept = []
+    for number, case in enumerate(cases):
+        of_kind = kind(case) if kind else None
+        if number % every == 0 or of_kind not in kinds:
+            kept.append(case)
+        kinds.add(of_kind)
+    return kept
+
+
 def for_each(
-    parameter: str | tuple[str, ...], cases: Iterable[Any], parts: int = 1
+    parameter: str | tuple[str, ...],
+    cases: Iterable[Any],
+    parts: int = 1,
+    *,
+    every: int = 1,
+    kind: Callable[[Any], object] | None = None,
 ) -> Callable[[Callable[..., None]], Callable[..., None]]:
     """Pass a test with every case as ``parameter``; it fails with one exception a case that failed.
 
     Of several parameters each case is a tuple. Several can be stacked. A test that takes ``tmp_path`` gets a new folder
     for each case; all other fixtures are shared. With ``parts`` there are so many items, each with its part of the
-    cases.
+    cases. With ``every`` and ``kind`` it is passed with a `share` of them.
     """
     names = (parameter,) if isinstance(parameter, str) else parameter
-    values = [(case,) if isinstance(parameter, str) else tuple(case) for case in cases]
+    values = [(case,) if isinstance(parameter, str) else tuple(case) for case in share(cases, every, kind)]
     assert values, f"no case for {parameter}"
 
     def decorate(test: Test) -> Test:

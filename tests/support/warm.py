@@ -42,6 +42,7 @@ from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import MARK
 from octoform.endpoint.published_files import SERVE_SCRIPT, read_manifest
 from octoform.manifest.profile_paths import shipped
+from octoform.patterns import regex
 from octoform.profiles import load as load_profiles
 from octoform.protocol.prompt import _environment
 from octoform.protocol.spec_loader import load as load_specs
@@ -212,6 +213,7 @@ def keep(orders: socket.socket) -> int:
     load_specs(None)
     load_profiles(sorted(shipped().glob("*.md")))
     _complete(BaseModel)
+    _compile_expressions()
     gc.freeze()  # a collection in a fork would copy all that is loaded
     bounded_program.SCRIPT = lasting_fork_server.SCRIPT
     selector = selectors.DefaultSelector()
@@ -237,6 +239,13 @@ def keep(orders: socket.socket) -> int:
                 os.close(descriptor)
             asker.send(str(pid).encode())
             selector.register(os.pidfd_open(pid), selectors.EVENT_READ, (pid, asker))
+
+
+def _compile_expressions() -> None:
+    """Those of all modules, which each fork would otherwise compile at their first use."""
+    for found in gc.get_objects():
+        if type(found) is type(regex("")):
+            assert found.groups >= 0
 
 
 def _complete(model: type[BaseModel]) -> None:

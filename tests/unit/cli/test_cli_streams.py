@@ -1,11 +1,13 @@
 """What the caller has done with the streams: closed them, or led them where nothing can be written."""
 
+import itertools
 import os
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+from cases import share
 from ordinary import has_account
 
 OCTOFORM = Path(sys.executable).parent / "octoform"
@@ -35,8 +37,16 @@ def test_output_that_cannot_be_written_is_one_sentence(tmp_path: Path, words: st
     assert done.stderr.count("No space left on device") == 1 and "Exception ignored" not in done.stderr, done.stderr
 
 
-@pytest.mark.parametrize("words", ["validate -json", "plan -json", "status -json", "no-such-command", "validate"])
-@pytest.mark.parametrize("streams", [">/dev/full", "2>/dev/full", ">/dev/full 2>/dev/full"])
+@pytest.mark.parametrize(
+    ("words", "streams"),
+    share(
+        itertools.product(
+            ("validate -json", "plan -json", "status -json", "no-such-command", "validate"),
+            (">/dev/full", "2>/dev/full", ">/dev/full 2>/dev/full"),
+        ),
+        4,
+    ),
+)
 def test_a_problem_that_cannot_be_written_is_no_traceback(tmp_path: Path, words: str, streams: str) -> None:
     (tmp_path / "octopus.yaml").write_text("version: one\n")
     done = run(words, streams, tmp_path)

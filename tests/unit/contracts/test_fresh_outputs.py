@@ -149,14 +149,14 @@ def judged(case: str, where: str, change: Any, judges: dict[str, Judge], *, wron
     return [item for item in all_found if item.severity is Severity.ERROR]
 
 
-@for_each("case", WRONG, parts=8)
+@for_each("case", WRONG, parts=4, every=4)
 def test_a_wrong_output_is_refused(case: str, judges: dict[str, Judge]) -> None:
     found = judged(case, *WRONG[case], judges, wrong=True)
     assert found
     assert all(item.hint or item.code.endswith(("-SCHEMA", "STATUS-ERROR")) for item in found)
 
 
-@for_each("case", RIGHT, parts=4)
+@for_each("case", RIGHT, parts=2, every=4)
 def test_a_right_output_in_unusual_form_is_accepted(case: str, judges: dict[str, Judge]) -> None:
     assert judged(case, *RIGHT[case], judges) == []
 

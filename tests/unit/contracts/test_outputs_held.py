@@ -42,7 +42,7 @@ def severities(stage: str, value: Any, artifacts: Artifacts) -> dict[str, str]:
     return {item.code: item.severity.value for item in check(stage, value, artifacts, SCHEMAS)}
 
 
-@for_each("case", wrong_interfaces.WRONG)
+@for_each("case", wrong_interfaces.WRONG, every=3, kind=lambda case: wrong_interfaces.WRONG[case][1])
 def test_a_wrong_interface_is_told_what_is_wrong(case: str, known: Artifacts) -> None:
     change, code = wrong_interfaces.WRONG[case]
     value = copy.deepcopy(known.interface)
@@ -115,7 +115,7 @@ def steered(known: Artifacts, talk: str) -> tuple[str, Artifacts]:
     return text, replace(known, probe=probe)
 
 
-@for_each("case", SENT)
+@for_each("case", SENT, every=3)
 def test_what_a_reading_sends_over_an_unknown_line_is_fixed(case: str, known: Artifacts) -> None:
     talk, fixed = SENT[case]
     text, behind = steered(known, talk)

@@ -56,19 +56,19 @@ def findings(edit: Edit, servers: Servers) -> list[Diagnostic]:
 EVERY = WRONG | {f"guarded: {name}": case for name, case in GUARDED.items()}
 
 
-@for_each("case", EVERY, parts=4)
+@for_each("case", EVERY, parts=2, every=4, kind=lambda case: EVERY[case][1])
 def test_a_wrong_server_is_refused_for_what_is_wrong(case: str, servers: Servers) -> None:
     edit, code = EVERY[case]
     found = errors(edit, servers)
     assert code in found and found <= {code, "SERVE-BUS-UNLOCKED", "SERVE-SETS-NOTHING"}
 
 
-@for_each("way", READS, parts=2)
+@for_each("way", READS, every=3)
 def test_a_right_way_to_read_gives_no_finding(way: str, servers: Servers) -> None:
     assert judged(all_of(reading(way), LIBRARIES), servers) == []
 
 
-@for_each("way", RESULTS)
+@for_each("way", RESULTS, every=3)
 def test_a_right_result_gives_no_finding(way: str, servers: Servers) -> None:
     assert findings(result(way), servers) == []
 

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from cases import for_each
+from cases import for_each, share
 
 
 def test_every_case_is_passed_with_a_folder_of_its_own(tmp_path: Path) -> None:
@@ -54,3 +54,20 @@ def test_a_case_of_several_parameters_is_a_tuple() -> None:
 
     test()
     assert seen == [2, 12]
+
+
+def test_a_share_is_every_so_many_th_and_the_first_of_each_kind(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("WHOLE", raising=False)
+    words = ["a1", "a2", "b1", "a3", "a4", "b2", "c1"]
+    assert share(words, 3) == ["a1", "a3", "c1"]
+    assert share(words, 3, lambda word: word[0]) == ["a1", "b1", "a3", "c1"]
+    seen = []
+
+    @for_each("word", words, every=4)
+    def test(word: str) -> None:
+        seen.append(word)
+
+    test()
+    assert seen == ["a1", "a4"]
+    monkeypatch.setenv("WHOLE", "1")
+    assert share(words, 3) == words
