@@ -1,7 +1,7 @@
 """How a deployment is, for a person who was woken by it: one line that states it, then what is wrong and what to do.
 
 What is stated of each problem stands always in the same order: what, since when, what was tried, why nothing is tried
-now, and the command that helps.
+now, the command that shows all reasons, and the command that helps.
 """
 
 import json
@@ -160,6 +160,8 @@ def _problem_lines(console: Console, problem: OpenProblem, now: datetime) -> Ite
         yield from _wrapped(console, "    tried  ", _tried(problem, now))
     if problem.waits:
         yield from _wrapped(console, "    now    ", problem.waits)
+    if episode is not None and episode.outcomes:
+        yield f"    why    octoform incidents show {episode.id}"
     if problem.do:  # a command is not broken: it is copied
         yield f"    do     {console.paint(one_line(problem.do, MAX_CHARACTERS), 'bold')}"
 

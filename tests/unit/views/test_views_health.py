@@ -108,6 +108,7 @@ def test_a_person_at_night_reads_it_in_one_screen() -> None:
         f"    since  {since} (2 h 5 min)",
         "    tried  restart 3 times; the last one 2 h 4 min ago failed: ModuleNotFoundError: No module named 'cv2'",
         "    now    given up: 3 tries did not help",
+        "    why    octoform incidents show e7",
         "    do     fix the cause, then: octoform heal -retry endpoint",
         "",
         "  device:usb-1",
