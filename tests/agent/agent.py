@@ -30,8 +30,6 @@ from __future__ import annotations
 
 import json
 import os
-import shutil
-import subprocess
 import sys
 import time
 from collections.abc import Callable
@@ -95,6 +93,8 @@ def mutate(stage: str, changes: list[list[Any]]) -> str:
 
 
 def leave_grandchild(seconds: float) -> None:
+    import subprocess
+
     process = subprocess.Popen(
         [sys.executable, "-c", SLEEPER.format(seconds)], start_new_session=True, stdout=subprocess.PIPE, text=True
     )
@@ -174,11 +174,15 @@ def name_all(name: str, output: Path) -> None:
 
 
 def leave_children(count: int) -> None:
+    import subprocess
+
     pids = [subprocess.Popen([sys.executable, "-c", "import time; time.sleep(300)"]).pid for _ in range(count)]
     Path("children.json").write_text(json.dumps(pids))
 
 
 def remove(_: object, stage: str, output: Path) -> None:
+    import shutil
+
     shutil.rmtree(output.parent)
 
 
@@ -243,6 +247,8 @@ def act(behaviour: dict[str, Any], stage: str, output: Path) -> None:
         with Path(name).open("a") as file:
             file.write("touched by the agent\n")
     if "shell" in behaviour:
+        import subprocess
+
         subprocess.run(["/bin/sh", "-ec", behaviour["shell"]], check=True)
     edit_spec(behaviour)
     rewrite(behaviour.get("rewrite", []))
