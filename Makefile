@@ -34,7 +34,7 @@ WORKERS := $(shell expr $$(nproc) + 2)
 # Where an image forbids bytecode, every process of the tests would compile what it imports again.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup test test-harnesses programs compiled lint recordings vm faults soak coverage bench lock
+.PHONY: setup test suite test-harnesses programs compiled lint recordings vm faults soak coverage bench lock
 
 setup:
 	@.ci/setup dev
@@ -45,16 +45,18 @@ lint: setup
 	@.venv/bin/mypy
 	@.venv/bin/lint-imports
 
-# Beside lint, so that `make -j2 test` does both at a time: one waits for the network, the other computes.
 programs: setup
 	@.venv/bin/octoform install $(sort $(HARNESSES) $(CLIENTS))
 	@$(PYTHON) tests/conformance/suites.py
 
-# Also beside lint: the bytecode of the tests, which each worker would otherwise make for itself.
+# The bytecode of the tests, which each worker would otherwise make for itself.
 compiled: setup
 	@printed=$$($(PYTHON) -m pytest --collect-only -q 2>&1) || { echo "$$printed"; exit 1; }
 
-test: lint programs compiled
+# With -j2 they are read and run at a time: the type checker uses one processor.
+test: lint suite
+
+suite: programs compiled
 	@.ci/in-memory $(PYTHON) -m pytest -n $(WORKERS) --dist worksteal -m "$(MARKED)"
 
 test-harnesses: HARNESSES := $(ALL_HARNESSES)
