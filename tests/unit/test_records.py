@@ -135,6 +135,41 @@ def test_one_that_holds_itself_is_shown() -> None:
     assert pickle.loads(pickle.dumps(Kept("b", [1]))) == Kept("b", [1])
 
 
+def test_a_record_of_a_record_has_the_fields_of_both() -> None:
+    def table(decorated: Decorator) -> list[str]:
+        @decorated
+        class Above:
+            name: str
+            level: int = 3
+
+        @decorated
+        class Below(Above):
+            level: int = 4
+            kind: "ClassVar[str]" = "light"
+            parts: list[int] = dataclasses.field(default_factory=list)
+
+        looks: tuple[Callable[[Any], object], ...] = (
+            repr,
+            dataclasses.astuple,
+            lambda one: dataclasses.replace(one, name="b"),
+            lambda one: (type(one).__slots__, type(one).__match_args__, type(one).kind, one == copy.copy(one)),
+            lambda one: [(field.name, field.kw_only, field.init) for field in dataclasses.fields(one)],
+        )
+        given: tuple[tuple[Any, ...], ...] = (("a",), ("a", 5), ("a", 5, [1]), ())
+        return [outcome(partial(looked, look, Below, arguments, {})) for look in looks for arguments in given]
+
+    assert table(dataclass(frozen=True, slots=True)) == table(dataclasses.dataclass(frozen=True, slots=True))
+
+
+@pytest.mark.parametrize("options", [{"frozen": True, "slots": True}, {}])
+def test_fields_that_no_class_can_have_are_refused(options: dict[str, bool]) -> None:
+    made: Any = dataclass(**options)
+    with pytest.raises(TypeError, match="default"):
+        made(type("Late", (), {"__annotations__": {"first": int, "second": int}, "first": 1}))
+    with pytest.raises(ValueError, match="mutable default"):
+        made(type("Shared", (), {"__annotations__": {"parts": list}, "parts": []}))
+
+
 def test_what_is_more_than_a_record_is_refused_and_other_options_are_the_librarys() -> None:
     with pytest.raises(TypeError, match=r"use dataclasses\.dataclass"):
 
