@@ -9,7 +9,7 @@ import os
 import shutil
 import sys
 from collections import Counter
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence, Set
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from threading import Thread
@@ -123,43 +123,63 @@ def _share_bytecode(layout: Layout, environment: Environment) -> None:
     manifest = read_manifest(layout) or {}
     serves = str(donor.path) in (manifest.get("environment"), manifest.get("previous_environment"))
     source, target = packages_of(donor.path), packages_of(environment.path)
-    shared = []
-    for place, names, _ in os.walk(source):
-        if _BYTECODE in names:
-            names.remove(_BYTECODE)
-            folder = place[len(str(source)) + 1 :]
-            with suppress(OSError):  # a package that is not there, or a file system without links
-                (_link_files if serves else Path.rename)(Path(place, _BYTECODE), target / folder / _BYTECODE)
-                shared.append(folder)
+    equal = _equal(source, target)
+    shared: dict[str, set[str]] = {}
+    for name in equal:
+        folder, _, file = name.rpartition("/")
+        if file.endswith(".py") and ".." not in folder.split("/"):
+            shared.setdefault(folder, set()).add(file)
+    for folder in sorted(shared):
+        try:
+            (_link_files if serves else Path.rename)(source / folder / _BYTECODE, target / folder / _BYTECODE)
+        except OSError:  # none there, a package that is not there, or a file system without links
+            del shared[folder]
     _give_times(source, target, shared, (donor.path / MARKER).stat().st_mtime_ns)
 
 
 def _link_files(folder: Path, target: Path) -> None:
-    target.mkdir()
+    if folder.is_dir():
+        target.mkdir()
     for path in folder.iterdir():
         os.link(path, target / path.name)
 
 
-def _give_times(source: Path, target: Path, folders: Iterable[str], complete: int) -> None:
-    """Give sources of which there is bytecode in these folders the times of equal ones in another environment.
-
-    Where the package tool's cache lies on another file system, it copies all files, each with a time of its own; else
-    they are links, which have one time. Equal is what one distribution has in both, with the same line in its RECORD,
-    and what was not written again after that environment was ``complete``.
-    """
+def _equal(source: Path, target: Path) -> set[str]:
+    """The files that one distribution has in both environments, with the same line in its RECORD."""
     former, present = recorded(source), recorded(target)
     lines = Counter(line.partition(",")[0] for line in former | present)
-    equal = {name for line in former & present if lines[name := line.partition(",")[0]] == 1}
-    for folder in folders:
-        for path in (target / folder / _BYTECODE).iterdir():
-            name = f"{folder}/{path.name.partition('.')[0]}.py".lstrip("/")
-            if name not in equal:
-                continue
-            wanted, copy = (source / name).stat(), (target / name).stat()
-            if copy.st_nlink > 1:
-                return
-            if wanted.st_mtime_ns <= complete:
-                os.utime(target / name, ns=(copy.st_atime_ns, wanted.st_mtime_ns))
+    return {name for line in former & present if lines[name := line.partition(",")[0]] == 1}
+
+
+def _give_times(source: Path, target: Path, folders: Mapping[str, Set[str]], complete: int) -> None:
+    """Give the equal sources in these folders that have bytecode the times of those of another environment.
+
+    Where the package tool's cache lies on another file system, it copies all files, each with a time of its own; else
+    they are links, which have one time. What was written again after that environment was ``complete`` is not equal,
+    and its bytecode goes.
+    """
+    for folder, equal in folders.items():
+        with os.scandir(target / folder / _BYTECODE) as entries:
+            compiled = {entry.path: f"{entry.name.partition('.')[0]}.py" for entry in entries}
+        wanted = _times(source / folder, equal & set(compiled.values()))
+        with os.scandir(target / folder) as entries:
+            for entry in entries:
+                if entry.name not in wanted:
+                    continue
+                copy = entry.stat()
+                if copy.st_nlink > 1:
+                    return
+                if wanted[entry.name] <= complete:
+                    os.utime(entry.path, ns=(copy.st_atime_ns, wanted[entry.name]))
+                else:  # its time, in seconds, may be that of the copy
+                    for path in [path for path, name in compiled.items() if name == entry.name]:
+                        Path(path).unlink()
+
+
+def _times(folder: Path, names: Collection[str]) -> dict[str, int]:
+    """When these files of a folder were written, in nanoseconds."""
+    with os.scandir(folder) as entries:
+        return {entry.name: entry.stat().st_mtime_ns for entry in entries if entry.name in names}
 
 
 def _seal(environment: Environment, lock_text: str) -> Diagnostic | None:
