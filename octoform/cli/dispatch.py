@@ -60,6 +60,8 @@ _SELDOM = (500_000, 20, 50)
 
 An apply ends with 110 000 objects, of which 4 000 are garbage: it ends before the first collection.
 """
+_WITHOUT_PLUGINS = ("PYDANTIC_DISABLE_PLUGINS", "__all__")
+"""Keeps pydantic from looking through all installed distributions for plugins, which octoform has no use for."""
 STOPS = (signal.SIGTERM, signal.SIGHUP)
 UNWINDING_SECONDS = 20.0
 """How long a stop may take before the next signal counts as another one; a closed terminal sends several at once."""
@@ -140,6 +142,7 @@ def _run(arguments: Namespace, screen: console.Console) -> int:
     """The command itself; where the operating system refuses it something, it ends with that as a problem."""
     if arguments.command not in _LASTING:
         gc.set_threshold(*_SELDOM)
+    os.environ.setdefault(*_WITHOUT_PLUGINS)
     try:
         project = _project(arguments, screen)
         if arguments.command not in _WITHOUT_FOLDER and (problem := _name_problem(project)) is not None:

@@ -36,3 +36,13 @@ def test_the_short_way_loads_next_to_nothing() -> None:
     code = f"import {modules}; print(sorted(set(sys.modules) & set({LEAN!r})))"
     done = subprocess.run([sys.executable, "-I", "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"
+
+
+def test_no_plugin_of_pydantic_is_sought(tmp_path: Path) -> None:
+    (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\nharness: builtin\n")
+    code = (
+        "from importlib import metadata; metadata.distributions = lambda: print('sought') or []; "
+        "from octoform.cli.main import main; main(['validate'])"
+    )
+    done = subprocess.run([sys.executable, "-I", "-c", code], cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert "valid" in done.stdout and "sought" not in done.stdout
