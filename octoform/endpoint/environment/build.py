@@ -218,8 +218,12 @@ GUESS = ("fastmcp>=4.1,<4.2",)
 """The packages that every server needs by the SERVE spec; further packages differ from host to host."""
 SECONDS = 120.0
 COMPILING = ".compiling.lock"
-IMPORTED_LAST = ("mcp", "beartype", "uvicorn", "click", "cryptography", "jwt", "joserfc", "yaml", "griffe")
-"""Packages of which the import of FastMCP needs nearly all files, in the order in which it comes to them."""
+COMPILED_BESIDE = (
+    *("pydantic/_internal", "pydantic_settings", "mcp_types", "httpx2", "fastmcp/client", "beartype", "mcp"),
+    *("starlette", "uvicorn", "click", "cryptography", "jwt", "joserfc", "fastmcp/server", "fastmcp/tools"),
+    *("yaml", "griffe"),
+)
+"""Folders of packages of which the import of FastMCP needs most files, in the order in which it comes to them."""
 
 
 @contextmanager
@@ -263,12 +267,12 @@ def prepare(layout: Layout, requirements: Sequence[str]) -> bool:
 
 
 def _compile_beside(environment: Environment) -> None:
-    """Compile what FastMCP imports last in a second process, while the fork server compiles the rest as it imports it.
+    """Compile what FastMCP imports in a second process, ahead of the fork server, which compiles the rest.
 
-    The import is one thread's work, and for most of it the agents and octoform wait: two fifths of it are done here.
+    The import is one thread's work, and for most of it the agents and octoform wait: a half of it is done here.
     """
     packages = packages_of(environment.path)
-    folders = [str(packages / name) for name in IMPORTED_LAST if (packages / name).is_dir()]
+    folders = [str(packages / name) for name in COMPILED_BESIDE if (packages / name).is_dir()]
     if not folders:  # the command would take all that can be imported
         return
     command = [str(environment.python), "-I", "-m", "compileall", "-q", *folders]

@@ -13,7 +13,7 @@ from unit.endpoint.endpoint_servers import Wheelhouse
 from octoform.diagnostics import UNTRUSTED_CERTIFICATE, Diagnostic
 from octoform.endpoint.bounded_program import Finished, ForkServer, run
 from octoform.endpoint.environment import lockfile
-from octoform.endpoint.environment.build import GUESS, IMPORTED_LAST, await_bytecode, build, prepare, prewarmed, prune
+from octoform.endpoint.environment.build import COMPILED_BESIDE, GUESS, await_bytecode, build, prepare, prewarmed, prune
 from octoform.endpoint.environment.lockfile import OFFLINE, network_hint, normalise, resolve
 from octoform.endpoint.environment.model import (
     MARKER,
@@ -322,7 +322,7 @@ def test_prewarming_leaves_bytecode_for_every_server(layout: Layout) -> None:
     (environment,) = layout.environments.glob("[0-9a-f]*")
     assert list(environment.glob("lib/python*/site-packages/fastmcp/server/__pycache__/server.*.pyc"))
     # These are compiled by another process, which compiles all of each: none has left FastMCP's needs.
-    for folder in (packages_of(environment) / name for name in IMPORTED_LAST):
+    for folder in (packages_of(environment) / name for name in COMPILED_BESIDE):
         sources = list(folder.rglob("*.py"))
         assert sources and all(Path(cache_from_source(path)).is_file() for path in sources)
 
