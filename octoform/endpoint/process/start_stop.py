@@ -89,10 +89,12 @@ def obstacle(layout: Layout, size: int = ROOM_BYTES) -> Diagnostic | None:
         require(START_THREADS)
     except BlockingIOError as problem:
         return _left(unforeseen_refusal(problem))
+    devices: set[int] = set()
     for folder in (layout.endpoint, layout.run, layout.logs):
         try:
-            private_folder(folder)
-            require_room(folder, size)
+            device = private_folder(folder).stat().st_dev
+            require_room(folder, 1 if device in devices else size)  # one file system has its room once
+            devices.add(device)
         except OSError as problem:
             return _left(refused(problem, folder))
     return None
