@@ -127,7 +127,7 @@ def _share_bytecode(layout: Layout, environment: Environment) -> None:
     shared: dict[str, set[str]] = {}
     for name in equal:
         folder, _, file = name.rpartition("/")
-        if file.endswith(".py") and ".." not in folder.split("/"):
+        if ".." not in folder.split("/"):
             shared.setdefault(folder, set()).add(file)
     for folder in sorted(shared):
         try:
@@ -145,10 +145,11 @@ def _link_files(folder: Path, target: Path) -> None:
 
 
 def _equal(source: Path, target: Path) -> set[str]:
-    """The files that one distribution has in both environments, with the same line in its RECORD."""
+    """The sources that one distribution has in both environments, with the same line in its RECORD."""
     former, present = recorded(source), recorded(target)
-    lines = Counter(line.partition(",")[0] for line in former | present)
-    return {name for line in former & present if lines[name := line.partition(",")[0]] == 1}
+    names = Counter(line.partition(",")[0] for line in former & present)
+    others = {line.partition(",")[0] for line in former ^ present}
+    return {name for name, count in names.items() if count == 1 and name not in others}
 
 
 def _give_times(source: Path, target: Path, folders: Mapping[str, Set[str]], complete: int) -> None:

@@ -229,11 +229,12 @@ def _wanted(name: str, extras: str, rest: str) -> tuple[str, frozenset[str], str
 
 
 def recorded(folder: Path) -> set[str]:
-    """The lines of every RECORD: a file's name below ``folder``, its digest, its size. Two equal lines, equal files."""
+    """The lines of sources in every RECORD: a file's name below ``folder``, its digest, its size."""
     found: set[str] = set()
     for record in folder.glob(f"*{_DIST_INFO}/{_RECORD}"):
         with suppress(OSError):  # nothing is known of its files
-            found.update(head(record, MAX_RECORD_BYTES, follow=True).decode("utf-8", "replace").splitlines())
+            text = head(record, MAX_RECORD_BYTES, follow=True).decode("utf-8", "replace")
+            found.update(line for line in text.splitlines() if ".py," in line)
     return found
 
 
