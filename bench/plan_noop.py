@@ -8,8 +8,11 @@ from pathlib import Path
 from measuring import OCTOFORM, PYTHON, Command, Row, environment, imported, in_turns, report, scratch
 from subjects import inside, project
 
-ROUNDS = 15
-PLAN_BOUND, PLAN_AIM, HELP_BOUND = 0.15, 0.08, 0.10
+ROUNDS = 20
+PLAN_BOUND, PLAN_AIM, HELP_BOUND = 0.10, 0.08, 0.04
+OF_TERRAFORM = 1.3
+"""How many times as much a plan with nothing to do may cost as terraform's."""
+LOOP = "for i in range(10**7): pass"
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 
 
@@ -45,19 +48,24 @@ def main() -> int:
     with scratch() as folder:
         subject = project(folder)
         inside(subject.folder, "apply", "-auto-approve")
-        bare = Command("python -c pass", [PYTHON, "-c", "pass"], folder)
+        bare = Command("python -I -S -c pass", [PYTHON, "-I", "-S", "-c", "pass"], folder)
+        loop = Command(f"python -I -S -c '{LOOP}'", [PYTHON, "-I", "-S", "-c", LOOP], folder)
         plan = Command("octoform plan, nothing to do", [OCTOFORM, "plan"], subject.folder)
         usage = Command("octoform --help", [OCTOFORM, "--help"], subject.folder)
         other = terraform(folder)
-        found = in_turns([bare, plan, usage, *([other] if other else [])], ROUNDS)
+        found = in_turns([bare, loop, plan, usage, *([other] if other else [])], ROUNDS)
         imports = heavy(subject.folder)
     aim = f"aim {PLAN_AIM:.2f} {'reached' if found[plan.title] <= PLAN_AIM else 'not reached'}"
     rows = [
         Row(plan.title, found[plan.title], bound=PLAN_BOUND, note=aim),
         Row(usage.title, found[usage.title], bound=HELP_BOUND),
         Row(bare.title, found[bare.title], note="what the interpreter itself takes"),
+        Row(loop.title, found[loop.title], note="how fast the machine is now"),
     ]
-    rows += [Row(other.title, found[other.title], note="for comparison")] if other else []
+    if other is not None:
+        ratio = found[plan.title] / found[other.title]
+        rows.append(Row(other.title, found[other.title], note="for comparison"))
+        rows.append(Row("octoform plan, as a multiple of terraform plan", ratio, unit="x", bound=OF_TERRAFORM))
     said = imports or ["neither imports a heavy library (fastmcp, litellm, cv2, git, pydantic, rich ...)"]
     status = report("plan_noop: median CPU of rounds in turns, ratio to the plan", rows, rows[0], said)
     return 1 if imports else status

@@ -6,7 +6,6 @@ into a large value, and nothing is ever constructed but text, numbers, booleans,
 
 import re
 from collections.abc import Mapping
-from dataclasses import field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, Span, error
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 MAX_BYTES = 64 * 1024
 FENCE = "---"

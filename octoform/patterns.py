@@ -2,13 +2,14 @@
 
 The library compiles in Python, a fifth of a millisecond for each. The modules of an apply have five hundred of them,
 which was a quarter of importing the contracts, in each process that octoform starts; a run uses few. Light: standard
-library only.
+library only, and that when the first expression is used.
 """
 
-import re
-from typing import TYPE_CHECKING, Any
-
+TYPE_CHECKING = False
 if TYPE_CHECKING:
+    import re
+    from typing import Any
+
     regex = re.compile
 else:
 
@@ -25,11 +26,13 @@ class _Expression:
 
     __slots__ = ("_flags", "pattern", *_METHODS)
 
-    def __init__(self, pattern: str | bytes, flags: int) -> None:
+    def __init__(self, pattern: "str | bytes", flags: int) -> None:
         self.pattern = pattern
         self._flags = flags
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name: str) -> "Any":
+        import re
+
         compiled = re.compile(self.pattern, self._flags)
         for each in _METHODS:
             setattr(self, each, getattr(compiled, each))

@@ -3,7 +3,6 @@
 import marshal
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import field
 from datetime import UTC, datetime
 from functools import lru_cache
 from pathlib import Path
@@ -19,7 +18,7 @@ from octoform.harness.port import Usage
 from octoform.manifest.model import Manifest
 from octoform.profiles import Profile
 from octoform.protocol import Spec, Step
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import Checkpoint, pass_by
 from octoform.state.layout import STAGES, Layout
 from octoform.state.reusable import Donors

@@ -9,7 +9,6 @@ import json
 import re
 import time
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
 from typing import Any
 
 from octoform.base import clock
@@ -22,7 +21,7 @@ from octoform.manifest.model import Perception
 from octoform.patterns import regex
 from octoform.perception.frames import Frame, Record, picture_of, read, words
 from octoform.protocol.prompt import fenced
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.redaction import redacted
 from octoform.state.layout import Layout
 

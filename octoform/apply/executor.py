@@ -2,7 +2,6 @@
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform import __version__, events
@@ -26,7 +25,7 @@ from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
 from octoform.plan.diff import WANTED_ANEW, Tool, changes, is_ignored
 from octoform.plan.model import Action, Plan, PlannedAction
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.accepted import accept, file_digest, keyed
 from octoform.state.files import read_regular
 from octoform.state.model import NodeState, Status

@@ -12,13 +12,12 @@ import os
 import shutil
 import stat
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.apply.project_files import MAX_NAMED, Gaps, above, at_start, inside, is_entry, listed, listing, names_in
 from octoform.base import files
 from octoform.diagnostics import Diagnostic, error, warning
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 NOT_UNDONE = "APPLY-NOT-UNDONE"
 """The code of a change that stands: no other attempt may begin, since it would be taken for a person's."""

@@ -6,7 +6,7 @@ so that it can be taken back when later readings are worse.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +38,7 @@ from octoform.endpoint.client.check import check as check_endpoint
 from octoform.endpoint.expected_tools import display as promised
 from octoform.endpoint.process import estop
 from octoform.harness.port import Task
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import make_folders, read_regular, refused, spending, write_atomic
 from octoform.state.layout import Layout
 

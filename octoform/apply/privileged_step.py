@@ -7,7 +7,6 @@ would move, so the step is refused and names them.
 
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform import events
@@ -31,7 +30,7 @@ from octoform.diagnostics import Diagnostic, error, has_errors, warning
 from octoform.harness.port import Task, Usage
 from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.protocol.model import FRAME, READING, Step
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import write_atomic
 

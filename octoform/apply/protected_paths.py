@@ -13,7 +13,6 @@ import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import replace
 from functools import lru_cache, partial
 from itertools import takewhile
 from pathlib import Path
@@ -40,7 +39,7 @@ from octoform.endpoint.published_files import (
 )
 from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state import attempts
 from octoform.state.git_access import head_revision, on_branch, repository
 from octoform.state.git_repository import configuration_files

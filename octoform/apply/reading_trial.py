@@ -5,7 +5,7 @@ like any other. So octoform itself reads before and after, and every reading sta
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from octoform.base.escaping import escaped
 from octoform.base.pointer import resolve
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.protocol.model import Proof
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 POLL_SECONDS = 0.1
 STEADY_PART = 0.1

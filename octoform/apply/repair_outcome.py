@@ -5,13 +5,12 @@ and none takes one away, so why a repair was refused or did not hold is read off
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from octoform.base.escaping import escaped
 from octoform.diagnostics import Diagnostic, Severity
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 if TYPE_CHECKING:
     from octoform.harness.port import Usage

@@ -6,7 +6,6 @@ binds each word to the readings that were given; without an accepted report noth
 
 import json
 from collections.abc import Mapping
-from dataclasses import field, replace
 from typing import Any
 
 from octoform import events
@@ -27,7 +26,7 @@ from octoform.harness.llm.completion import LiteLLMCompletion
 from octoform.harness.port import Task, Usage
 from octoform.harness.watcher import added
 from octoform.manifest.model import MODEL_FREE
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 WATCH = "watch"
 RAW_LOG = "log.txt"

@@ -14,7 +14,7 @@ from pathlib import Path
 _UTC = timezone.utc  # noqa: UP017 - the copy beside a server runs on Python 3.10, which has no other name for it
 Clock = Callable[[], float]
 """Seconds, never going back; ``time.monotonic`` is one. A test's own makes a minute pass at once."""
-_LEAP = re.compile(r"(:\d\d):60(?=\D|$)")
+_LEAP = r"(:\d\d):60(?=\D|$)"
 
 
 def stamp(moment: float | datetime | None = None, digits: int = 0) -> str:
@@ -34,7 +34,8 @@ def parse_stamp(text: object, zone: tzinfo | None = _UTC) -> datetime | None:
     """The moment that a string names, in ``zone`` where it names none (None: it stays naive); None for all else."""
     if not isinstance(text, str):
         return None
-    written, leap = _LEAP.subn(r"\1:59", text, count=1)  # a leap second is the one after it
+    # A leap second is the one after it.
+    written, leap = re.subn(_LEAP, r"\1:59", text, count=1) if ":60" in text else (text, 0)
     try:
         moment = datetime.fromisoformat(written) + timedelta(seconds=leap)
     except (ValueError, OverflowError):

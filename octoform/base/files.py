@@ -33,10 +33,10 @@ _FLAGS = os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC
 _FOLDER = os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW | os.O_CLOEXEC
 _NEW = os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW | os.O_CLOEXEC
 _BLOCK = 1 << 20
-_LONG = re.compile(rb"[0-9]{309}")
+_LONG = rb"[0-9]{309}"
 """A number that no float holds has at least so many digits, unless it has an exponent."""
 _IRREGULAR = "it is no regular file"
-_UNFIT = re.compile(rb"\\u(?:0000|[dD][89a-fA-F])")
+_UNFIT = rb"\\u(?:0000|[dD][89a-fA-F])"
 """Escapes of characters that no file name and no output can hold; a pair of surrogates is one character, and fits."""
 
 
@@ -376,14 +376,14 @@ def parse(data: bytes | str, *, any_text: bool = True) -> Any:
             raw.decode("utf-8", "surrogatepass" if any_text else "strict"),
             parse_constant=_not_finite,
             parse_float=_finite,
-            parse_int=_finite_whole if _LONG.search(raw) else None,
+            parse_int=_finite_whole if re.search(_LONG, raw) else None,
         )
     except RecursionError:
         raise _too_deep() from None
     except UnicodeDecodeError as problem:
         raise NoUtf8Error(*problem.args) from None
     _bounded(value)
-    if not any_text and _UNFIT.search(raw):
+    if not any_text and b"\\u" in raw and re.search(_UNFIT, raw):
         _printable(value)
     return value
 

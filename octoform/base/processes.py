@@ -23,7 +23,7 @@ if TYPE_CHECKING:  # who only asks what lives starts nothing
 _LIMIT = 10  # RLIMIT_LOCKS, asm-generic/resource.h; Python has no name for it
 _DIGITS = 15
 _TOP = 16**_DIGITS
-_FORM = re.compile(rf"[0-9a-f]{{{_DIGITS},}}")
+_FORM = rf"[0-9a-f]{{{_DIGITS},}}"
 PROC = Path("/proc")
 _LIMIT_LINE = b"Max file locks"
 _MAX_BYTES = 1 << 20
@@ -68,7 +68,7 @@ def bears(pid: int, mark: str, variable: str) -> bool:
 
 def _number(mark: str) -> int | None:
     """None for what is no mark: a record may have been damaged."""
-    return int(mark[:_DIGITS], 16) if _FORM.fullmatch(mark) else None
+    return int(mark[:_DIGITS], 16) if re.fullmatch(_FORM, mark) else None
 
 
 def _limit(pid: int) -> int | None:

@@ -11,14 +11,13 @@ that the embedded agent ever knows of a product, and it knows it only from the o
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import field
 from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import read_json, replace
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 STAGES = ("probe", "scan", "identify", "interface", "serve", "deploy", "watch", "heal")
 """The tasks of this agent; ``scan`` beside another agent's PROBE, the last two once a deployment runs."""

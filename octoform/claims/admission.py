@@ -7,7 +7,6 @@ no one but a person makes a rule tighter than one that has been found clean befo
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 from typing import Any
 
 from octoform.base.escaping import escaped
@@ -16,7 +15,7 @@ from octoform.claims.readings import Readings
 from octoform.claims.settings import READ, Settings, ToolFacts
 from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 # A claim as somebody would like it: checked for its shape here, for its truth by the ledger. Light.
 #

@@ -9,7 +9,6 @@ import contextlib
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,7 @@ from octoform.claims.admission import Level
 from octoform.claims.model import Channel, Claim, Condition, Reading, Restriction, Signal, State, holds
 from octoform.conditions import OPERATORS
 from octoform.diagnostics import Diagnostic, error
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import display, read_regular, write_atomic
 
 FORMAT = 1

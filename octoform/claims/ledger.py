@@ -10,7 +10,6 @@ import copy
 import itertools
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.base.escaping import escaped
@@ -26,6 +25,7 @@ from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Clock, Settings
 from octoform.conditions import is_number
 from octoform.diagnostics import Diagnostic, error, warning
+from octoform.records import replace
 from octoform.state.files import display
 from octoform.state.layout import Layout
 from octoform.state.store.lock import myself

@@ -7,7 +7,6 @@ loosest that ended is the tightest that agents get from then on.
 import json
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from octoform.claims.model import Channel, Claim, Condition, Reading, Restrictio
 from octoform.claims.readings import Readings, to_json
 from octoform.claims.settings import Settings, ToolFacts
 from octoform.diagnostics import Diagnostic
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import read_regular, refused, write_atomic
 
 MAX_ENDED = 200

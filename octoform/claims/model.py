@@ -6,13 +6,12 @@ held, and it is in force only until a fresh reading of that signal contradicts i
 
 import math
 from collections.abc import Mapping
-from dataclasses import field
 from enum import StrEnum
 from typing import Any
 
 from octoform import conditions
 from octoform.conditions import is_number
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 Value = bool | int | float | str | None
 

@@ -5,7 +5,6 @@ The ledger judges an agent's words against facts that no agent wrote, so none of
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,7 +13,7 @@ from octoform.claims.model import Condition, Signal, Value, holds
 from octoform.conditions import is_number
 from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import POLICY, read_policy
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.layout import Layout
 
 CLAIM_SECONDS = 1800.0

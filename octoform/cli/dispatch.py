@@ -16,7 +16,6 @@ import time
 from argparse import Namespace
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from types import FrameType
@@ -24,6 +23,7 @@ from typing import TextIO
 
 from octoform.cli.parser import RENAMED, UsageError, parse
 from octoform.diagnostics import Diagnostic, Severity, error
+from octoform.records import replace
 from octoform.views.format import console, problems
 
 _READING = frozenset(

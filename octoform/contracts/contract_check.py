@@ -3,7 +3,6 @@
 Heavy: imports jsonschema. Rules may rely on the shape, so they run only on a value that the schema accepts.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.contracts.canonical import load_schema
@@ -22,6 +21,7 @@ from octoform.contracts.rules.interface import interface_rules, protocol_definit
 from octoform.contracts.rules.serve import serve_rules
 from octoform.contracts.schema_validation import shape_diagnostics
 from octoform.diagnostics import Diagnostic
+from octoform.records import replace
 
 MAX_PER_RULE = 10
 

@@ -4,12 +4,11 @@ A rule sees values only. It opens nothing and asks no one, so the same artifacts
 """
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import field
 from typing import Any, Protocol
 
 from octoform.contracts.report_context import DutyFacts
 from octoform.diagnostics import Diagnostic
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 # What the rules of a privileged step are held to: its proof, the devices that it may move, the cameras there are.
 

@@ -4,7 +4,6 @@ What an agent is given is what triage knows: everything in it comes from records
 """
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform.claims.admission import of_claim, of_declaration
@@ -17,6 +16,7 @@ from octoform.daemon.signals import NO_VALUE, answered, current, measured
 from octoform.daemon.store.memory import LastReport, Memory
 from octoform.daemon.triage.failure_history import Recall
 from octoform.diagnostics import Diagnostic
+from octoform.records import replace
 from octoform.state.layout import Layout
 
 MAX_GIVEN = 200

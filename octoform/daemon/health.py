@@ -5,7 +5,6 @@ and no agent's word makes anything healthy. What cannot report is ``unknown``, n
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
 from typing import Any, Protocol
 
 from octoform.base.files import record
@@ -13,7 +12,7 @@ from octoform.claims.model import Claim, Reading, Signal, State, holds
 from octoform.daemon.model import Facts, Finding, Kind, Outcome, Status
 from octoform.daemon.signals import Silence, answered, newest, reporting, silent, unread
 from octoform.endpoint.drift import OTHER_TOOLS
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 FORMAT = 1
 ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)

@@ -7,7 +7,6 @@ import threading
 import time
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -34,7 +33,7 @@ from octoform.daemon.store.memory import Memory
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.published_files import LAUNCHER, POLICY
 from octoform.manifest.model import FILE_NAME, Daemon, Notify
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import foreign, refused
 from octoform.state.layout import Layout, is_left
 from octoform.state.store.lock import myself

@@ -7,7 +7,6 @@ where the manifest names a file.
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
@@ -15,7 +14,7 @@ from octoform.daemon.health import Health
 from octoform.daemon.model import Outcome, Status
 from octoform.daemon.store.incidents import Incident
 from octoform.diagnostics import Diagnostic
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import write_atomic
 
 if TYPE_CHECKING:

@@ -6,7 +6,6 @@ problem are one *incident*.
 """
 
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field, replace
 from enum import StrEnum
 from typing import Any, Protocol
 
@@ -15,7 +14,7 @@ from octoform.base.digest import of_value, short
 from octoform.claims.model import Reading, Signal
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 
 class Cause(StrEnum):

@@ -3,7 +3,6 @@
 import os
 import pwd
 from collections.abc import Mapping
-from dataclasses import field
 from pathlib import Path
 
 from octoform.base.escaping import escaped
@@ -20,7 +19,7 @@ from octoform.diagnostics import Diagnostic, did_you_mean, error
 from octoform.engine.tools import layout_of
 from octoform.manifest.loader import load
 from octoform.manifest.model import FILE_NAME, Daemon
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.layout import Layout
 from octoform.state.store.lock import Holder, Liveness, liveness, myself, read_holder
 

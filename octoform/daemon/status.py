@@ -7,7 +7,6 @@ the logs is still new to it.
 
 import os
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +40,7 @@ from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
 from octoform.host import SYSROOT_VARIABLE
 from octoform.manifest.model import FILE_NAME
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
 from octoform.state.store.lock import myself

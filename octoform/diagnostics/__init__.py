@@ -10,11 +10,10 @@ against each other.
 
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from enum import StrEnum
 
 from octoform.base.escaping import escape_of
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 UNTRUSTED_CERTIFICATE = (
     "put the authority's certificate (of a proxy that inspects TLS: the proxy's) into the system's store, "

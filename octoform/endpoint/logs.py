@@ -9,7 +9,6 @@ import os
 import time
 from collections.abc import Iterable, Mapping
 from contextlib import ExitStack
-from dataclasses import field
 from pathlib import Path
 from typing import IO, Any
 
@@ -17,7 +16,7 @@ from octoform.base import clock
 from octoform.base.files import parse, stream
 from octoform.endpoint.access.tokens import kept_values
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.redaction import Redactor
 from octoform.state.layout import Layout
 

@@ -8,7 +8,6 @@ import os
 import re
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from octoform.apply.stage.artifact_writer import pseudonym_key
@@ -16,7 +15,7 @@ from octoform.base import files
 from octoform.contracts.artifact_parser import parse
 from octoform.contracts.host_identity import hidden, hider, members, secrets_in_text, spelt, with_placeholders
 from octoform.harness.event_parser import TEXT_LIMIT, json_object
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.redaction import Redactor, redacted, spellings
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import read_regular

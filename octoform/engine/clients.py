@@ -6,7 +6,6 @@ where it has one that is known; the caller's word goes before both.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic, did_you_mean, error, warning
@@ -20,7 +19,7 @@ from octoform.endpoint.process.record import running
 from octoform.endpoint.publication import client_command, lasting_client_command
 from octoform.engine.plan import memo
 from octoform.engine.plan.configuration import compile_project
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import foreign
 from octoform.state.layout import Layout
 

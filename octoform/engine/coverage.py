@@ -5,7 +5,6 @@ counted after. What a figure rests on and is not there yet is None, never 0.
 """
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
@@ -28,7 +27,7 @@ from octoform.engine.plan.configuration import Compiled
 from octoform.engine.plan.refresh import read_artifacts
 from octoform.graph.model import ANSWER, input_of
 from octoform.harness.event_parser import json_object
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.accepted import observe as observe_files
 from octoform.state.files import display, write_atomic
 from octoform.state.layout import STAGES, Layout

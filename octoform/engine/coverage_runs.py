@@ -6,13 +6,12 @@ all of them, so a pass ends where the next attempt is of an earlier stage, or be
 
 from collections import Counter
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import field, replace
 from typing import Any, NamedTuple, TypeVar
 
 from octoform.apply.stage.escalation import merged
 from octoform.engine.inspect.attempts import ACCEPTED, REUSE, Attempt
 from octoform.graph.compile import RETURNS
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.layout import STAGES
 
 # Whether a host's devices are identified the same in every run, and the same way usable; pure.

@@ -10,7 +10,6 @@ import shutil
 import sys
 import sysconfig
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -43,7 +42,7 @@ from octoform.manifest.loader import load
 from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest
 from octoform.manifest.references import resolve
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.layout import Layout
 
 LITELLM = "litellm"

@@ -5,7 +5,6 @@ call the same function. A look without a picture is a look as well: it is noted 
 """
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from octoform.perception import camera_selection
 from octoform.perception.camera_selection import best
 from octoform.perception.capture import FROZEN_PICTURES, Taken, take
 from octoform.perception.frames import Camera, Record, keep
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import display, foreign, read_regular, refused, write_atomic
 from octoform.state.layout import Layout

@@ -4,7 +4,6 @@ How the deployment is is no matter of this module: that verdict is one for all (
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from octoform.endpoint.process.record import Running, running, running_beside
 from octoform.engine.plan import memo
 from octoform.host import SYSROOT_VARIABLE
 from octoform.plan.model import Plan
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.layout import Layout
 
 UNMATCHED = "PROFILE-UNMATCHED"

@@ -2,7 +2,6 @@
 
 import difflib
 from collections.abc import Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Protocol
 
@@ -16,7 +15,7 @@ from octoform.engine.plan.refresh import read_artifacts
 from octoform.engine.results import RunResult, RunView
 from octoform.manifest import setting_writer
 from octoform.plan.model import OpenQuestion
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.accepted import observe
 from octoform.state.store.lock import acquire
 

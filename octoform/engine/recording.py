@@ -8,7 +8,6 @@ import os
 import shutil
 import stat
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import field
 from pathlib import Path
 
 from octoform import __version__
@@ -28,7 +27,7 @@ from octoform.harness.recording import MAX_BYTES as MAX_RECORDING_BYTES
 from octoform.manifest.loader import load as load_manifest
 from octoform.manifest.model import FILE_NAME as MANIFEST
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import display, read_regular, refused
 from octoform.state.layout import OUTPUT_NAMES, STAGES, Layout
 from octoform.state.store.lock import acquire

@@ -2,13 +2,12 @@
 
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
-from dataclasses import field
 from typing import Protocol
 
 from octoform.diagnostics import Diagnostic
 from octoform.events import Event
 from octoform.plan.model import OpenQuestion, Plan
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,7 +5,6 @@ output was made with exactly that text, promoting it makes nothing again.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -17,7 +16,7 @@ from octoform.engine.inspect.state import Found, change, open_project
 from octoform.engine.plan.configuration import Compiled
 from octoform.protocol import DUTIES, STAGES, STEP, Spec, own_path, step_paths
 from octoform.protocol.spec_loader import load_one, load_step
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state import attempts
 from octoform.state.accepted import keyed
 from octoform.state.attempts import PendingEdit

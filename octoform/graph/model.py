@@ -6,12 +6,11 @@ agent. This module stays light; the graph is compared on every plan.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import field
 from enum import StrEnum
 
 from octoform.base import digest
 from octoform.base.escaping import escaped
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 ANSWER = "answer."
 """How the key part of a person's answer begins; the device's id follows."""

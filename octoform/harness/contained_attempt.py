@@ -9,7 +9,6 @@ import os
 import shutil
 import signal
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 from pathlib import Path
 
 from octoform.base.files import parse, read_plain
@@ -20,7 +19,7 @@ from octoform.harness.event_parser import Dialect
 from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task, Usage
 from octoform.harness.watcher import Watcher
 from octoform.manifest.model import Sandbox
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 # The cost that an agent reports of its run, read from a file that it may have written.
 #

@@ -5,12 +5,11 @@ words) is recorded and never believed: only the gate decides whether the output 
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import field
 from enum import StrEnum
 from pathlib import Path
 from typing import Protocol
 
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 
 class ExitReason(StrEnum):

@@ -6,7 +6,7 @@ value of the wrong kind is as good as none.
 
 import json
 from collections.abc import Iterable
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +25,7 @@ from octoform.harness.port import (
     Usage,
 )
 from octoform.harness.watcher import KINDS, TRANSCRIPT_BYTES, added
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 REASONS = {reason.value: reason for reason in ExitReason}
 

@@ -1,7 +1,6 @@
 """Load octopus.yaml: bytes, text, tree, rules, value; every problem at once. (Heavy: YAML reader and pydantic.)"""
 
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.diagnostics import Diagnostic
@@ -10,6 +9,7 @@ from octoform.manifest.conversion import build
 from octoform.manifest.model import Manifest, ProfileSource
 from octoform.manifest.problem_list import ProblemList, read, text_of
 from octoform.manifest.yaml_parser import read_tree
+from octoform.records import replace
 
 
 def load(path: Path, environ: Mapping[str, str]) -> tuple[Manifest | None, list[Diagnostic]]:

@@ -6,12 +6,11 @@ state, a plan, a log) can hold the value of a secret.
 """
 
 from collections.abc import Mapping
-from dataclasses import field
 from fnmatch import fnmatchcase
 from pathlib import Path
 
 from octoform.diagnostics import Span
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 # What a manifest lets the endpoint's tools do, as frozen values: decisions, limits, times. Light.
 #

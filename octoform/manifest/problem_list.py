@@ -3,7 +3,6 @@
 Lines are attached only at the end: a secret found late must also be masked in a problem that was found early.
 """
 
-from dataclasses import replace
 from pathlib import Path
 
 from octoform.base.files import head
@@ -12,6 +11,7 @@ from octoform.manifest import credentials
 from octoform.manifest.model import FILE_NAME
 from octoform.manifest.yaml_tree import Loc
 from octoform.patterns import regex
+from octoform.records import replace
 
 MAX_PROBLEMS = 30
 MAX_LINE = 500

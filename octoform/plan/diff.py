@@ -5,11 +5,10 @@ a daemon.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import field, replace
 
 from octoform.graph.model import ANSWER, HARDWARE, INPUT, STEP, Graph, Node, NodeKind, input_of, key_parts, moved_parts
-from octoform.plan.model import Action, Cause, Change, PlannedAction, Reason, Reuse
-from octoform.records import dataclass
+from octoform.plan.model import TOOL, Action, Cause, Change, PlannedAction, Reason, Reuse
+from octoform.records import dataclass, field, replace
 
 
 @dataclass(frozen=True, slots=True)
@@ -251,8 +250,6 @@ def _without_inputs(parts: Mapping[str, str]) -> dict[str, str]:
 # What a tool is for are its devices and what it does to them; its name is a word. So a tool that goes while one comes
 # for the same devices with the same effect, each of them the only one, was renamed. Pure.
 
-KIND = "tool"
-
 
 @dataclass(frozen=True, slots=True)
 class Tool:
@@ -273,9 +270,9 @@ def changes(before: Iterable[Tool], after: Iterable[Tool]) -> tuple[Change, ...]
     }
     left = {tool.name for tool in gone} - {tool.name for tool in renamed.values()}
     return (
-        *(Change(KIND, name, Action.UPDATE, f"renamed from {was.name}") for name, was in sorted(renamed.items())),
-        *(Change(KIND, tool.name, Action.CREATE) for tool in come if tool.name not in renamed),
-        *(Change(KIND, tool.name, Action.DESTROY) for tool in gone if tool.name in left),
+        *(Change(TOOL, name, Action.UPDATE, f"renamed from {was.name}") for name, was in sorted(renamed.items())),
+        *(Change(TOOL, tool.name, Action.CREATE) for tool in come if tool.name not in renamed),
+        *(Change(TOOL, tool.name, Action.DESTROY) for tool in gone if tool.name in left),
     )
 
 

@@ -5,12 +5,11 @@ nothing to do is built and shown without any heavy import.
 """
 
 from collections.abc import Mapping
-from dataclasses import asdict, field
 from enum import StrEnum
 from typing import Any
 
 from octoform.graph.model import Agent
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 
 class Action(StrEnum):
@@ -204,12 +203,16 @@ class Plan:
 # A plan as plain JSON values and back: the form that views stream, plan files keep and the memo remembers.
 
 FORMAT = 1
+TOOL = "tool"
+"""The kind of a change of a tool; every other one is of the hardware."""
 _ABSENT = ("escalate", "loan")
 """Fields of an action that are there only where they say something."""
 
 
 def to_json(plan: Plan) -> dict[str, Any]:
     """All of a plan as JSON values; absent facts are omitted from reasons."""
+    from dataclasses import asdict  # who only reads a plan does not wait for it
+
     out: dict[str, Any] = {"format": FORMAT, **asdict(plan)}
     out["actions"] = [_action(item) for item in plan.actions]
     out["changes"] = [asdict(item) for item in plan.changes]
@@ -227,6 +230,8 @@ def _listed(names: tuple[str, ...] | None) -> list[str] | None:
 
 
 def _action(item: PlannedAction) -> dict[str, Any]:
+    from dataclasses import asdict
+
     out = asdict(item)
     out["reasons"] = [
         {key: value for key, value in asdict(reason).items() if value is not None} for reason in item.reasons

@@ -3,14 +3,13 @@
 import keyword
 import math
 from collections.abc import Collection, Mapping
-from dataclasses import field
 from typing import Any
 
 from octoform.base import durations
 from octoform.diagnostics import did_you_mean
 from octoform.frontmatter import Place
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 MAX_CHARS = 200
 MAX_UNIT = 40

@@ -1,7 +1,6 @@
 """A profile as a value: the owner's knowledge of one product, and the rule that states when it may be used."""
 
 from collections.abc import Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +8,7 @@ from octoform.profiles import lines, registers
 from octoform.profiles.lines import LineDefinition
 from octoform.profiles.match_rule import Rule
 from octoform.profiles.registers import RegisterDefinition
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 Grammar = LineDefinition | RegisterDefinition
 """How a product is spoken to: lines of text, or the registers of units on a bus."""

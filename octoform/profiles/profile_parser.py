@@ -6,7 +6,6 @@ refused: what it would do on the host could not be seen in the plan.
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from octoform.profiles.model import Grammar, Profile, Rig, Stop
 from octoform.profiles.register_parser import MAX_ID
 from octoform.profiles.registers import RegisterDefinition
 from octoform.profiles.selection import contributions, devices_by
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 # Read the ``rig`` of a profile: what holds for the owner's own copy alone, apart from what holds for the product.
 

@@ -6,11 +6,10 @@ does is one of a short closed list, so no tool writes an address of a caller's c
 """
 
 from collections.abc import Mapping
-from dataclasses import field
 from typing import Any
 
 from octoform.profiles.definition_forms import Tool, Value, plain_values, present
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 READS = ("read_units", "read_unit")
 DOES = (*READS, "move_unit", "move_units", "pose", "set_torque", "stop")

@@ -8,7 +8,6 @@ as data.
 import os
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,7 +17,7 @@ from octoform.base.files import stream
 from octoform.diagnostics import Diagnostic, Severity
 from octoform.patterns import regex
 from octoform.protocol.model import DUTIES, STEP, Spec
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 if TYPE_CHECKING:
     from jinja2 import Environment

@@ -9,7 +9,6 @@ Light: a no-op plan reads artifacts through this module.
 import contextlib
 import errno
 import os
-import shutil
 import stat
 from collections.abc import Callable
 from pathlib import Path
@@ -211,6 +210,8 @@ def sweep(layout: Layout) -> None:
     """Remove temporary files that a killed run left among the committed ones. Only for the holder of the lock."""
     for leftover in list(layout.committed.rglob(f".*{TEMPORARY}")):
         if leftover.is_dir() and not leftover.is_symlink():
+            import shutil  # which loads five compressions
+
             shutil.rmtree(leftover, ignore_errors=True)
         else:
             with contextlib.suppress(OSError):

@@ -9,13 +9,12 @@ import contextlib
 import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import field, replace
 from pathlib import Path
 from subprocess import CompletedProcess
 
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.files import display
 from octoform.state.git_access import (
     Repository,

@@ -4,9 +4,10 @@ One place for paths, so that no other module joins strings: ``state/<host>/`` is
 ``.octoform/<host>/`` is git-ignored and private (instances, attempts, logs, environments).
 """
 
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
+
+from octoform.records import dataclass
 
 STAGES = ("probe", "identify", "interface", "serve", "deploy")
 OUTPUT_NAMES = {"serve": "server.py"}

@@ -15,7 +15,7 @@ from octoform.views.format.console import Console
 from octoform.views.format.output import document
 from octoform.views.format.table import Column
 from octoform.views.format.values import one_line
-from octoform.views.plan_text import counted
+from octoform.views.plan_text import INPUTS, counted
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -213,7 +213,7 @@ def _offers(devices: tuple[Device, ...], width: int) -> Iterator[str]:
 
 
 def _named(item: Device) -> tuple[str, ...]:
-    tier = "" if item.tier is None else words.INPUTS[item.tier]
+    tier = "" if item.tier is None else INPUTS[item.tier]
     return (item.id, item.identified_as, item.kind, tier, f"{item.confidence:.2g}", _by(item))
 
 
@@ -251,7 +251,7 @@ def _without(found: Coverage, width: int, paint: Paint) -> Iterator[str]:
 def _brief(item: Device, width: int, colour: Callable[[str], str]) -> Iterator[str]:
     """Its id, what it is and its confidence: on one line where that fits, else on two or more."""
     name = one_line(item.id, 100)
-    tier = f", {words.INPUTS[item.tier]}" if item.tier is not None else ""
+    tier = f", {INPUTS[item.tier]}" if item.tier is not None else ""
     confidence = f", {item.confidence:.2g} by {_by(item)}" if item.confidence else ""
     facts = f"{item.kind or item.category}{tier}{confidence}"
     called = one_line(item.identified_as, 300)

@@ -2,12 +2,11 @@
 
 from collections.abc import Sequence
 
-from octoform.contracts.rules.identify import answer_rules
 from octoform.engine.coverage import OFFERED, CoverageReport, Group, Share, Stage
 from octoform.engine.coverage_runs import Pass, known_sum
 from octoform.views.format.table import Column
 from octoform.views.format.values import money, tokens
-from octoform.views.plan_text import counted
+from octoform.views.plan_text import INPUTS, counted
 
 REASONS = {
     "bus_infrastructure": "only carries other devices",
@@ -25,8 +24,6 @@ REASONS = {
     "unsafe": "could do harm when it is called",
     "out_of_scope": "is a part of the computer itself",
 }
-INPUTS = answer_rules.WORDS
-"""A person's input, by tier."""
 ENDPOINT = {"running": "the endpoint runs", "stopped": "the endpoint does not run", "absent": "no endpoint yet"}
 ONBOARDABLE = "Eligible is what senses or acts, what is unknown, and what was skipped although an agent could use it."
 WITH_INFRASTRUCTURE = "Infrastructure is what was identified as carrying others, such as disks, radios and hubs."

@@ -2,9 +2,17 @@
 
 from collections.abc import Iterator, Sequence
 
-from octoform.contracts.rules.identify.answer_rules import WORDS
-from octoform.plan import diff
-from octoform.plan.model import Action, NamedDevice, NearProfile, OpenQuestion, Plan, PlannedAction, ProfileUse, to_json
+from octoform.plan.model import (
+    TOOL,
+    Action,
+    NamedDevice,
+    NearProfile,
+    OpenQuestion,
+    Plan,
+    PlannedAction,
+    ProfileUse,
+    to_json,
+)
 from octoform.views import plan_text as hardware
 from octoform.views import plan_text as plan_text
 from octoform.views.format.console import Console
@@ -14,7 +22,7 @@ from octoform.views.format.values import money, one_line
 # What is known of the devices, for people: the answers that they needed, which profile serves which, what is asked.
 
 WIDTH = 100
-TIERS = {tier: f"a {word}" if tier > 1 else word for tier, word in WORDS.items()}
+TIERS = {tier: f"a {word}" if tier > 1 else word for tier, word in hardware.INPUTS.items()}
 """A person's input, by tier."""
 _USES = {
     Action.NOOP: "matches",
@@ -161,7 +169,7 @@ class PlanHuman:
             self._console.line(f"{self._symbol(line.action)} {one_line(line.text, WIDTH)}")
 
     def _tools(self, plan: Plan) -> None:
-        found = [change for change in plan.changes if change.kind == diff.KIND]
+        found = [change for change in plan.changes if change.kind == TOOL]
         if found:
             self._console.line("\nTools of the endpoint that INTERFACE has otherwise now:")
         for change in found:

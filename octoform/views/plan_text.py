@@ -23,6 +23,8 @@ _NUMBERED = (
     ("PCI device", regex(r"pci:v0000([0-9A-F]{4})d0000([0-9A-F]{4})")),
     ("HID device", regex(r"hid:b[0-9A-F]{4}g[0-9A-F]{4}v0000([0-9A-F]{4})p0000([0-9A-F]{4})")),
 )
+INPUTS = {1: "no input", 2: "label", 3: "profile"}
+"""What a person has to give before a device is identified, by tier."""
 _WORDS = {"acpi": "ACPI device", "scsi": "SCSI device", "mmc": "memory card", "i2c": "I2C device", "of": "board device"}
 _SCSI = {"t-0x00": "disk", "t-0x01": "tape", "t-0x05": "optical drive", "t-0x0d": "enclosure"}
 """By the peripheral device type that the standard gives and the kernel prints."""

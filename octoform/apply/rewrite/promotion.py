@@ -7,7 +7,7 @@ that is killed from then on is finished by the next one.
 """
 
 import shutil
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 from octoform import events
@@ -25,7 +25,7 @@ from octoform.endpoint.environment.model import Environment
 from octoform.endpoint.published_files import CHECK
 from octoform.graph.model import Graph, Node, NodeKind, renewed
 from octoform.harness.port import Task
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.accepted import accept, file_digest, keyed
 from octoform.state.artifact_cache import keep_accepted
 from octoform.state.files import Checkpoint, pass_by, read_regular, spending, write_atomic

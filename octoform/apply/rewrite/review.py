@@ -7,7 +7,6 @@ in nothing, opens nothing, promises nothing else, and takes nothing away.
 import ast
 from collections import Counter
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 
 from octoform.apply.rewrite.scope import Parts, Unit, beyond, divided, own_tools
 from octoform.base.escaping import display, listed
@@ -17,7 +16,7 @@ from octoform.contracts.rules.serve.device_rules import opens_anything
 from octoform.contracts.rules.serve.tool_rules import tool_sites
 from octoform.contracts.server_code.server_source import Function, Source, imported_modules
 from octoform.diagnostics import Diagnostic, error
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 # What protects the hardware in the functions of a tool, and what of it a rewrite has lost.
 #

@@ -8,7 +8,6 @@ module itself, belongs to everybody and stays as it is.
 import ast
 import symtable
 from collections.abc import Iterable, Iterator, Set
-from dataclasses import replace
 from difflib import SequenceMatcher
 
 from octoform.base.escaping import display, listed
@@ -18,7 +17,7 @@ from octoform.contracts.rules.serve.tool_rules import tool_sites
 from octoform.contracts.server_code.script_header import declared_names
 from octoform.contracts.server_code.server_source import Function, Source, imported_modules, needed_source
 from octoform.diagnostics import Diagnostic, error
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 # What in the code of one device's tools can change what belongs to the others, without naming it as its own.
 #

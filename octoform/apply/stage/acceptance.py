@@ -8,7 +8,6 @@ import errno
 import stat
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import field, replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +24,7 @@ from octoform.harness.port import ExitReason, Outcome, Task, Usage
 from octoform.manifest.profile_paths import shipped
 from octoform.profiles import Profile, commands, definition, devices_of, profile_parser
 from octoform.protocol.prompt import tail
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.files import unforeseen_refusal
 
 MAX_BYTES = {"serve": 256 * 1024}

@@ -7,7 +7,6 @@ the first left unknown, and its output is judged merged with that of the first.
 import dataclasses
 import json
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
 from datetime import UTC, datetime
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -32,7 +31,7 @@ from octoform.manifest.model import MODEL_FREE, STEP, Budget, HarnessSpec, Manif
 from octoform.manifest.references import resolve
 from octoform.plan.model import Plan
 from octoform.protocol.prompt import tail
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 
 def judge_server(context: Context, task: Task, data: bytes) -> tuple[Any, list[Diagnostic]]:

@@ -9,7 +9,6 @@ import json
 import threading
 from collections.abc import Callable, Mapping
 from contextlib import nullcontext, suppress
-from dataclasses import field
 from pathlib import Path
 from typing import Any, Self
 
@@ -42,7 +41,7 @@ from octoform.patterns import regex
 from octoform.profiles import Profile, briefing, devices_of, for_task, packaging
 from octoform.protocol import Prompt, render_prompt
 from octoform.protocol.prompt import MAX_TAIL_BYTES, findings
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.attempts import folders
 from octoform.state.layout import OUTPUT_NAMES
 

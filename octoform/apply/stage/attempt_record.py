@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
 
@@ -19,6 +18,7 @@ from octoform.diagnostics import Diagnostic, to_json
 from octoform.harness.contained_attempt import read_usage
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import ExitReason, Outcome, Task, Usage
+from octoform.records import replace
 from octoform.redaction import redacted
 from octoform.state import attempts, model
 from octoform.state.attempts import AttemptRecord, SpecEdit

@@ -8,7 +8,6 @@ with the first answer against the whole host.
 """
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform.apply.context import Context, accepted
@@ -19,6 +18,7 @@ from octoform.contracts.contract_check import check
 from octoform.contracts.rules.identify.answer_rules import METHOD as ANSWERED
 from octoform.diagnostics import Diagnostic, has_errors
 from octoform.harness.port import Task
+from octoform.records import replace
 
 UNKNOWN = "unknown"
 

@@ -6,7 +6,6 @@ the stage's agent runs.
 """
 
 import os
-from dataclasses import replace
 from typing import Any
 
 from octoform import events
@@ -19,6 +18,7 @@ from octoform.apply.stage.attempt_record import reused
 from octoform.base import files
 from octoform.diagnostics import has_errors
 from octoform.harness.port import Task, TaskLimits, Usage
+from octoform.records import replace
 from octoform.state.accepted import file_digest
 from octoform.state.files import read_regular
 from octoform.state.reusable import ReusableOutput

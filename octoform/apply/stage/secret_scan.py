@@ -8,7 +8,6 @@ its value, anything else by its form alone (a bearer token, a private key, a wel
 import ast
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from itertools import islice
 from typing import Any
 
@@ -18,6 +17,7 @@ from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import Task
 from octoform.patterns import regex
+from octoform.records import replace
 from octoform.redaction import found_in, redacted, spellings
 
 SHORTEST = 8

@@ -10,7 +10,6 @@ run is sent back: a run never remakes what its plan did not list, and both stage
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform.apply.context import Context, accepted
@@ -23,7 +22,7 @@ from octoform.diagnostics import Diagnostic, has_errors
 from octoform.graph.compile import RETURNS
 from octoform.graph.model import input_of, moved_parts
 from octoform.harness.port import ExitReason, Outcome, Task
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.accepted import file_digest
 from octoform.state.artifact_cache import generations
 from octoform.state.files import read_regular

@@ -3,8 +3,6 @@
 The lock lights of a keyboard belong to anyone who uses the keyboard; they are not offered.
 """
 
-from dataclasses import replace
-
 from octoform.builtin.description.class_model import (
     ACTUATE,
     ACTUATOR,
@@ -27,6 +25,7 @@ from octoform.builtin.description.class_model import (
 )
 from octoform.builtin.description.device_evidence import Device, Fact
 from octoform.patterns import regex
+from octoform.records import replace
 
 _BACKLIGHT = "Linux backlight class (/sys/class/backlight)"
 # The lock lights of a keyboard: input3::capslock.

@@ -8,10 +8,9 @@ A `Kind` is the tool of one capability as far as it is known before any host is.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from typing import Any
 
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 READ, ACTUATE = "read", "actuate"
 SENSOR, ACTUATOR, BIDIRECTIONAL = "sensor", "actuator", "bidirectional"

@@ -5,7 +5,6 @@ What a rewritten server itself may be is held by SERVE's contract and by the com
 
 import ast
 from collections.abc import Iterable, Iterator
-from dataclasses import replace
 from typing import Any
 
 from octoform.base.escaping import display, listed
@@ -15,7 +14,7 @@ from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of
 from octoform.contracts.server_code.server_source import Function, Source, needed_source
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 NONE = "none"
 REWRITE = "rewrite"

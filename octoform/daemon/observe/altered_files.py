@@ -6,7 +6,6 @@ new costs a millisecond.
 
 import os
 from collections.abc import Iterator, Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from octoform.base.files import read, walk
 from octoform.endpoint.drift import observe
 from octoform.endpoint.environment.model import MARKER, at, intact, packages_of
 from octoform.endpoint.published_files import PACKAGES, read_manifest
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.accepted import FileFacts, file_digest, present
 from octoform.state.accepted import observe as observe_artifacts
 from octoform.state.artifact_cache import kept

@@ -3,7 +3,6 @@
 import errno
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from dataclasses import field
 from pathlib import Path
 from typing import Protocol
 
@@ -16,7 +15,7 @@ from octoform.endpoint.environment.model import packages_of
 from octoform.endpoint.process.estop import LATCH
 from octoform.endpoint.process.record import RECORD
 from octoform.endpoint.published_files import read_manifest
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.layout import Layout
 
 

@@ -10,7 +10,6 @@ import os
 import subprocess
 import sys
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from io import FileIO
 from pathlib import Path
 from typing import Any
@@ -24,7 +23,7 @@ from octoform.daemon.observe.process import ProcessEar
 from octoform.endpoint.process.record import Running, is_it
 from octoform.endpoint.published_files import describe_closed, served_nodes
 from octoform.host import SYSROOT_VARIABLE
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.artifact_cache import classes_of, read_instances
 from octoform.state.layout import Layout
 

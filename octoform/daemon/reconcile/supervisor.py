@@ -6,7 +6,6 @@ show. Light.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import field, replace
 
 from octoform.apply.repair_outcome import RepairOutcome
 from octoform.claims.ledger import Ledger
@@ -33,7 +32,7 @@ from octoform.daemon.triage import judge, remember
 from octoform.daemon.triage.process import LEAST_FREE
 from octoform.diagnostics import Diagnostic
 from octoform.manifest.model import Daemon
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.files import refused
 
 SAMPLING = frozenset({Cause.START, Cause.INTERVAL, Cause.RESUMED, Cause.ASKED})

@@ -9,7 +9,7 @@ person who asks for another try gets one: a start loop that was reported is forg
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from octoform.base.files import parse, private_folder, record
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import Running, ask, is_it, is_marked, running
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
 

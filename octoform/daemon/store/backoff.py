@@ -7,13 +7,13 @@ other evidence, so the tries of a target and class are counted for an hour as we
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, field, replace
+from dataclasses import asdict
 from typing import Any
 
 from octoform.daemon.model import Outcome, Repair
 from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.json_store import Shelf, number
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 FILE = "breakers.json"
 FIRST_SECONDS = 5.0

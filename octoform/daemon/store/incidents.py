@@ -7,7 +7,7 @@ keeps what is open and the newest of what is over. Light.
 import json
 import os
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, field
+from dataclasses import asdict
 from typing import Any
 
 from octoform.apply.repair_outcome import Cost, Reason, RepairOutcome, RepairVerdict
@@ -16,7 +16,7 @@ from octoform.base.files import parse, private_folder, record
 from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Status
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import display, read_regular, refused, write_atomic
 
 FILE = "episodes.jsonl"

@@ -1,6 +1,6 @@
 """Everything that the loop remembers, opened together. Light."""
 
-from dataclasses import asdict, field
+from dataclasses import asdict
 
 from octoform.daemon.store import agent_budget, backoff, incidents
 from octoform.daemon.store.agent_budget import AgentBudget
@@ -10,7 +10,7 @@ from octoform.daemon.store.json_store import Shelf
 from octoform.daemon.triage.failure_history import Recall, as_json, from_json
 from octoform.diagnostics import warning
 from octoform.manifest.model import Daemon
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import display
 from octoform.state.layout import Layout
 

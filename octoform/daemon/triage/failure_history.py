@@ -4,14 +4,13 @@ A value that `remember` carries on; `as_json` and `from_json` let it survive a r
 """
 
 from collections.abc import Mapping
-from dataclasses import field, replace
 from typing import Any
 
 from octoform.base.escaping import escaped
 from octoform.daemon.model import Facts
 from octoform.endpoint.logs import LoggedCall
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 MAX_TOOLS = 200
 MAX_ENDS = 20

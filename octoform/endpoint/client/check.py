@@ -9,7 +9,7 @@ import math
 import re
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from typing import Any
 
 from octoform.base.clock import stamp
@@ -22,7 +22,7 @@ from octoform.endpoint.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.policy import LINE
 from octoform.endpoint.process.start_stop import clear_left, start
 from octoform.endpoint.published_files import CHECK
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

@@ -3,7 +3,6 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ from octoform.endpoint.bounded_program import Finished, ForkServer, run, serving
 from octoform.endpoint.environment.model import Environment, at
 from octoform.endpoint.publication import client_command
 from octoform.endpoint.published_files import read_manifest
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "mcp_client.py"

@@ -7,7 +7,6 @@ a hint and not with a fault. Where the policy wants a call confirmed, the endpoi
 import json
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
 from functools import partial
 from socket import socket
 from typing import Any, Protocol
@@ -20,7 +19,7 @@ from octoform.endpoint.dial import down, halted, knock, reach
 from octoform.endpoint.expected_tools import hidden
 from octoform.endpoint.published_files import CHECK, read_manifest
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, result_text
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 

@@ -9,7 +9,6 @@ import os
 import re
 import stat
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -22,7 +21,7 @@ from octoform.endpoint.mcp_clients.known_clients import Client, Surroundings
 from octoform.endpoint.mcp_clients.merge import Edited, Hunk, Taken, Wish
 from octoform.endpoint.mcp_clients.text_edit import Path as Way
 from octoform.endpoint.mcp_clients.text_edit import Unreadable, at, place
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 # A client's own configuration file on disk: read with care, backed up before a change, replaced as a whole.
 #

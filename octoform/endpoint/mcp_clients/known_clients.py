@@ -8,12 +8,11 @@ never a project's: the command holds absolute paths of this machine.
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
 from octoform.endpoint.mcp_clients.text_edit import Path as KeyPath
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 VARIABLE = "OCTOFORM_TOKEN"
 """Begins the variable that holds a token's value in the surroundings of a client; the host follows, see `of`."""

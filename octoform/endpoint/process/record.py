@@ -16,7 +16,6 @@ from octoform.base.place import is_from
 from octoform.base.processes import command_line, is_alive
 from octoform.base.shape import fits
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.sockets import connect
 from octoform.records import dataclass
 from octoform.state.files import read_regular, refused, write_atomic
 from octoform.state.layout import Layout
@@ -182,6 +181,8 @@ def ask(layout: Layout, question: Mapping[str, Any], seconds: float = 5.0) -> di
 
     None when no process answers within ``seconds``.
     """
+    from octoform.endpoint.sockets import connect  # whose library defines two hundred constants
+
     try:
         with connect(layout.run / CONTROL, seconds) as connection:
             connection.sendall(json.dumps(question).encode() + b"\n")

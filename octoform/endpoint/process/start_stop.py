@@ -9,7 +9,6 @@ import signal
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import replace
 from pathlib import Path
 from typing import Protocol
 
@@ -22,7 +21,7 @@ from octoform.endpoint.process import systemd
 from octoform.endpoint.process.record import MARK, Running, is_it, last_running, running
 from octoform.endpoint.published_files import LAUNCHER, not_ours, of_another
 from octoform.endpoint.sockets import greeted
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.layout import Layout
 
 START_SECONDS = 120.0

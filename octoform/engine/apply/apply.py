@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Mapping
 from contextlib import nullcontext
-from dataclasses import asdict, field, replace
+from dataclasses import asdict
 from functools import cache, partial
 from pathlib import Path
 from typing import Any
@@ -36,7 +36,7 @@ from octoform.harness.containment.orphans import sweep
 from octoform.host import SYSROOT_VARIABLE
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state import reusable
 from octoform.state.accepted import observe
 from octoform.state.artifact_cache import keep_accepted

@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import asdict, field
+from dataclasses import asdict
 from pathlib import Path
 
 from octoform.apply.context import Clock, Context
@@ -19,7 +19,7 @@ from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import Situation
 from octoform.events import AttemptProgress, Event, EventSink, Notice
 from octoform.harness import logins
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.files import Checkpoint, check_writable, foreign, pass_by
 from octoform.state.git_repository import commit
 from octoform.state.layout import Layout

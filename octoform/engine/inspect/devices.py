@@ -8,7 +8,6 @@ import json
 import subprocess
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from octoform.engine.plan import device_knowledge
 from octoform.engine.plan.configuration import compile_project
 from octoform.engine.plan.refresh import artifacts_there
 from octoform.host import SYSROOT_VARIABLE
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.artifact_cache import classes_of, read_instances
 from octoform.state.layout import Layout
 

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import field
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +17,7 @@ from octoform.engine.tools import layout_of
 from octoform.graph.model import key_parts
 from octoform.plan import model, planfile
 from octoform.plan.model import Plan
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state.accepted import file_digest, keyed
 from octoform.state.files import read_regular
 from octoform.state.layout import STAGES, STEP

@@ -6,7 +6,6 @@ Which files a compiled project was read from: manifest, specs, schemas, profiles
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import field, replace
 from pathlib import Path
 
 from octoform import profiles as profile_reader
@@ -21,7 +20,7 @@ from octoform.profiles import Profile
 from octoform.protocol import Spec, Step, step_paths
 from octoform.protocol.spec_loader import load as load_specs
 from octoform.protocol.spec_loader import load_step, schema_dir
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state.layout import Layout
 
 

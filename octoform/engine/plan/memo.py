@@ -9,7 +9,6 @@ long way is taken. Light: no import beyond the standard library's cheap parts.
 import os
 import sys
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from octoform.diagnostics import Diagnostic
 from octoform.endpoint.drift import observe
 from octoform.endpoint.process.record import running_beside
 from octoform.plan.model import Plan, from_json, to_json
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.git_access import head_revision, repository
 from octoform.state.layout import Layout
 
@@ -29,6 +28,8 @@ MANIFEST = "octopus.yaml"
 LOCAL = ("journal.jsonl", "instances.json")
 SETTINGS = ("OCTOFORM_SYSROOT",)
 PACKAGE = Path(octoform.__file__).parent
+_UNREAD = ("__pycache__", "pages")
+"""Folders of the package whose files no plan is made from; there are as many pages of codes as other files."""
 
 
 def path_of(project: Path) -> Path:
@@ -118,7 +119,7 @@ def _listing(folder: str) -> list[list[object]]:
     with os.scandir(folder) as entries:
         for entry in sorted(entries, key=lambda item: item.name):
             if entry.is_dir():
-                found += _listing(entry.path) if entry.name != "__pycache__" else []
+                found += _listing(entry.path) if entry.name not in _UNREAD else []
             else:
                 facts = entry.stat()
                 found.append([entry.name, facts.st_size, facts.st_mtime_ns])

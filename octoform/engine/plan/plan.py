@@ -4,7 +4,6 @@ What an apply would change of the endpoint's tools, where that is known: INTERFA
 """
 
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import field, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -32,7 +31,7 @@ from octoform.profiles import Profile, near
 from octoform.profiles.selection import devices_of
 from octoform.protocol import Step
 from octoform.protocol.model import FRAME
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 from octoform.state import reusable
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import foreign, read_regular, write_atomic

@@ -1,7 +1,6 @@
 """Observe: state, artifacts, hardware and the live side as the plain values that the plan compares. (Heavy.)"""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +20,7 @@ from octoform.perception.camera_selection import Camera, best, cameras
 from octoform.plan.diff import Observed, Prior
 from octoform.profiles import Profile, commands, definition, devices_of
 from octoform.protocol import DUTIES, Step
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.accepted import observe as observe_files
 from octoform.state.artifact_cache import read_instances
 from octoform.state.files import display, read_regular

@@ -15,7 +15,6 @@ What is asked lies in ``daemon/asks.json``, once for each change.
 """
 
 from collections.abc import Iterator, Mapping
-from dataclasses import replace
 from typing import Any
 
 from octoform.apply.repair_outcome import Cost, RepairOutcome, RepairVerdict
@@ -32,7 +31,7 @@ from octoform.host import root_from_environment, settle
 from octoform.manifest.model import MODEL_FREE, Manifest
 from octoform.plan.model import Cause, PlannedAction
 from octoform.protocol.model import FRAME
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.layout import Layout
 
 # What an unattended run may cost at most, against what the hour has left for agents. (Heavy.)

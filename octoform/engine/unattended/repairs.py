@@ -7,7 +7,6 @@ import os
 import shutil
 import time
 from collections.abc import Callable
-from dataclasses import field
 from pathlib import Path
 
 from octoform.apply.repair_outcome import Reason, RepairOutcome, RepairVerdict
@@ -22,7 +21,7 @@ from octoform.endpoint.expected_tools import display as shown_tools
 from octoform.endpoint.process import start_stop
 from octoform.endpoint.process.record import is_marked, running
 from octoform.endpoint.published_files import CLIENTS, LAUNCHER
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state import artifact_cache, git_repository
 from octoform.state.accepted import observe
 from octoform.state.artifact_cache import Damage, damage_of, move_aside, read_instances

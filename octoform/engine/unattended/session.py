@@ -6,7 +6,6 @@ carry half of that change into service.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +35,7 @@ from octoform.engine.plan.refresh import look
 from octoform.events import Event, Notice
 from octoform.harness.containment.orphans import sweep
 from octoform.profiles.registers import RegisterDefinition
+from octoform.records import replace
 from octoform.state.accepted import observe
 from octoform.state.layout import STAGES, Layout
 from octoform.state.model import Status

@@ -8,7 +8,6 @@ request that failed for good is a ``result`` of subtype ``success`` with ``is_er
 import math
 import os
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -32,6 +31,7 @@ from octoform.harness.port import (
 from octoform.harness.program_location import Pin
 from octoform.manifest.credentials import SPOKEN
 from octoform.manifest.model import HarnessSpec
+from octoform.records import replace
 
 RETRIES = 4
 SPARE_TURNS = 5

@@ -8,7 +8,6 @@ import shlex
 import shutil
 import sys
 from collections.abc import Mapping
-from dataclasses import replace
 from pathlib import Path
 from typing import ClassVar, Protocol
 
@@ -22,7 +21,7 @@ from octoform.harness.port import ExitReason, Outcome, ProgressSink, Task
 from octoform.harness.program_location import Located, Pin, locate
 from octoform.manifest.model import HarnessSpec
 from octoform.manifest.references import resolve
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,6 @@ import threading
 import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import field, replace
 from pathlib import Path
 from typing import BinaryIO, Protocol
 
@@ -25,7 +24,7 @@ from octoform.harness.containment import orphans
 from octoform.harness.containment.agent_environment import ATTEMPT
 from octoform.harness.containment.reaper import PR_SET_CHILD_SUBREAPER, children, prctl
 from octoform.harness.containment.task_log import DEFAULT_LIMIT, TaskLog
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 REAPER = Path(__file__).with_name("reaper.py")
 _LOAD = "import os, sys; sys.path.append(sys.argv.pop(1)); import reaper; os._exit(reaper.main(sys.argv[1:]))"

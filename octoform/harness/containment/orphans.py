@@ -11,7 +11,6 @@ import os
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import field
 from pathlib import Path
 
 from octoform.base import clock, files, processes
@@ -21,7 +20,7 @@ from octoform.base.processes import PROC, is_alive, process_stat, signal_one
 from octoform.harness.containment.agent_environment import ATTEMPT, remove_private
 from octoform.harness.containment.reaper import children
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 # The facts in /proc of a process.
 #

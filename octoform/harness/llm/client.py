@@ -9,11 +9,10 @@ import json
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import field
 from typing import Any, Protocol
 
 from octoform.harness.llm.route import Route
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 
 RETRIES = 2
 BACKOFF_SECONDS = 1.5

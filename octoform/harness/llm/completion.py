@@ -10,7 +10,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Mapping
-from dataclasses import asdict, field
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -28,7 +28,7 @@ from octoform.harness.port import Excerpt, ExitReason, Usage
 from octoform.manifest.model import HarnessSpec, Housekeeping
 from octoform.manifest.references import resolve
 from octoform.protocol.prompt import fenced, tail
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.redaction import redacted
 
 MODULE = "octoform.harness.llm.bare"

@@ -7,13 +7,12 @@ state with some nodes marked `interrupted`, or the new state. (Heavy: pydantic m
 
 import uuid
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import field
 from typing import Any
 
 from octoform import __version__
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, error, has_errors, to_json
-from octoform.records import dataclass
+from octoform.records import dataclass, field
 from octoform.state import files, model
 from octoform.state.files import (
     Checkpoint,

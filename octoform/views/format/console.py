@@ -10,7 +10,7 @@ from io import TextIOWrapper
 from typing import TextIO
 
 from octoform.patterns import regex
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 
 STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "cyan": "36"}
 _PAINT = regex(r"\x1b\[[\d;]*m")
@@ -37,6 +37,10 @@ class Console:
     def width_err(self) -> int:
         """Columns of the terminal that shows problems, at least 60; 120 where no one looks."""
         return _columns(self.err, 120)
+
+    def uncoloured(self) -> "Console":
+        """The same without colour."""
+        return replace(self, colour=False, colour_err=False)
 
     def paint(self, text: str, *styles: str) -> str:
         """``text`` in the named styles, or as it is where colour is off."""

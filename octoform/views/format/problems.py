@@ -9,12 +9,12 @@ import json
 import signal
 import unicodedata
 from collections.abc import Iterable, Sequence
-from dataclasses import replace
 from pathlib import Path
 
 import octoform
 from octoform.base.escaping import escaped, escaped_json
 from octoform.diagnostics import Diagnostic, Severity, Span, has_errors, to_json
+from octoform.records import replace
 from octoform.views.format.console import Console
 
 MAX_USAGE = 600
@@ -42,15 +42,17 @@ def renamed(console: Console, former: str, name: str) -> None:
     console.problem(f"octoform: `octoform {former}` is now `octoform {name}`; the next version knows the new name only")
 
 
-def interrupted(console: Console, text: str = GOES_ON) -> int:
-    """Ctrl-C; exit code 130. ``text`` is what that means for the work at hand."""
-    console.problem(f"\noctoform: interrupted; {text}")
+def interrupted(console: Console, text: str | None = None) -> int:
+    """Ctrl-C; exit code 130. ``text`` is what that means for the work at hand, when not for an apply; empty: silent."""
+    if text != "":
+        console.problem(f"\noctoform: interrupted; {text or GOES_ON}")
     return 130
 
 
-def stopped(console: Console, number: int, text: str = GOES_ON) -> int:
-    """Ended by a signal; exit code 128 and its number, as a shell has it."""
-    console.problem(f"octoform: stopped by {signal.Signals(number).name}; {text}")
+def stopped(console: Console, number: int, text: str | None = None) -> int:
+    """Ended by a signal; exit code 128 and its number, as a shell has it; ``text`` as `interrupted`."""
+    if text != "":
+        console.problem(f"octoform: stopped by {signal.Signals(number).name}; {text or GOES_ON}")
     return 128 + number
 
 

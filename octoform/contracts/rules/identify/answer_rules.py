@@ -246,7 +246,6 @@ RULES = (
 # behind a public library describes nothing that is not public: the name of the product was enough.
 
 NOTHING, NAME, DESCRIPTION = 1, 2, 3
-WORDS = {NOTHING: "no input", NAME: "label", DESCRIPTION: "profile"}
 
 
 def tier(annotation: Mapping[str, Any], answers: Collection[str], descriptions: Collection[str]) -> int:

@@ -2,7 +2,6 @@
 
 import ast
 from collections.abc import Iterator
-from dataclasses import replace
 from functools import lru_cache
 
 from octoform.base.escaping import display, listed
@@ -35,6 +34,7 @@ from octoform.contracts.server_code.places import constants
 from octoform.contracts.server_code.server_source import Function, Source, needed_source, read_source, walk
 from octoform.diagnostics import Diagnostic
 from octoform.patterns import regex
+from octoform.records import replace
 
 # A reading of the wrong one of two equal devices misleads; a movement of the wrong one hurts.
 CODE = "SERVE-ACTUATE-UNBOUND"
