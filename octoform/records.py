@@ -3,8 +3,8 @@
 The library of Python 3.11 imports the inspector of sources, and compiles each method by itself, six for a frozen class:
 a third of a plan with nothing to do, and a sixth of an apply. Here the other methods are shared, ``__init__`` is made
 when the first record of a class is, from code that all classes with as many fields share, and what the library has to
-know of a class is made when it asks. Records have neither ``__post_init__`` nor fields that are not given; other classes
-and options are the library's. Light: standard library only.
+know of a class is made when it asks. Records have neither ``__post_init__`` nor fields that are not given; other
+classes and options are the library's. Light: standard library only.
 """
 
 import reprlib

@@ -1,7 +1,7 @@
-"""The entry point. A pipe of a client is taken up before anything else is loaded: each conversation starts one.
+"""The entry point. What is asked for most often is answered before anything else is loaded: a client's pipe, the help.
 
-A small board takes a tenth of a second for every library that is omitted. All that is not that simple is left to the
-command itself.
+Each conversation of a client starts one, and a small board takes a tenth of a second for every library that is omitted.
+All that is not that simple is left to the command itself.
 """
 
 import os
@@ -26,6 +26,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         status = connected(words)
         if status is not None:
             return status
+    if words in (["-h"], ["-help"], ["--help"]) and _is_helped():
+        return 0
     from octoform.cli.dispatch import dispatch
 
     return dispatch(words)
@@ -40,6 +42,20 @@ def _reopen() -> None:
     sys.stdin = sys.stdin or os.fdopen(0, closefd=False)
     sys.stdout = sys.stdout or os.fdopen(1, "w", closefd=False)
     sys.stderr = sys.stderr or os.fdopen(2, "w", closefd=False)
+
+
+def _is_helped() -> bool:
+    """Print the help on all commands; False where that failed, and the long way reports why."""
+    from octoform.cli.table import overview
+    from octoform.views.format.console import for_process
+
+    screen = for_process()
+    try:
+        for text in overview():
+            screen.line(text)
+    except OSError:
+        return False
+    return True
 
 
 def connected(words: Sequence[str]) -> int | None:

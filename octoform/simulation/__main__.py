@@ -37,7 +37,16 @@ def main(words: Sequence[str] | None = None) -> int:
     return 0
 
 
-def _parse(words: Sequence[str] | None) -> argparse.Namespace:
+class _Given:
+    """What was typed."""
+
+    rig: str
+    folder: str | None
+    set: list[str]
+    json: bool
+
+
+def _parse(words: Sequence[str] | None) -> _Given:
     parser = argparse.ArgumentParser(prog="octoform simulate", description=__doc__, allow_abbrev=False)
     parser.add_argument("rig", help=f"a rig by its name ({', '.join(names())}) or the path of its .yaml file")
     parser.add_argument("-folder", "--folder", metavar="DIR", help="make the tree in DIR, which is empty or not there")
@@ -45,7 +54,7 @@ def _parse(words: Sequence[str] | None) -> argparse.Namespace:
         "-set", "--set", metavar="NAME.KEY=VALUE", action="append", default=[], help="another value in the description"
     )
     parser.add_argument("-json", "--json", action="store_true", help="one JSON object a line")
-    return parser.parse_args(words)
+    return parser.parse_args(words, namespace=_Given())
 
 
 def _set(description: Mapping[str, Any], text: str) -> dict[str, Any]:

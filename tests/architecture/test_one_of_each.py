@@ -211,3 +211,37 @@ def test_the_rule_that_refused_a_repair_leads_to_one_file_and_all_of_a_repair_to
     assert [rule for rule, count in places.items() if count > 1] == []
     opened = {where: {name for name in found if rules(repair_sources()[name], {where})} | DECISION for where in wheres}
     assert {where: sorted(names) for where, names in opened.items() if len(names) > MAX_OPENED} == {}
+
+
+def untyped_arguments(source: str) -> list[str]:
+    """The ways in which a source reads what was typed without its types."""
+    found = []
+    for node in parsed.nodes(source):
+        if "Namespace" in (getattr(node, "id", ""), getattr(node, "attr", ""), getattr(node, "name", "")):
+            found.append("argparse.Namespace")
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute):
+            typed = any(keyword.arg == "namespace" for keyword in node.keywords)
+            if node.func.attr.startswith("parse_") and node.func.attr.endswith("args") and not typed:
+                found.append(node.func.attr)
+    return found
+
+
+def test_what_was_typed_is_read_with_its_types() -> None:
+    """The one parser of commands gives all that argparse found to the class that declares it."""
+    found = {path.relative_to(ROOT).as_posix(): untyped_arguments(path.read_text()) for path in FILES}
+    assert {name: ways for name, ways in found.items() if ways} == {"cli/parser.py": ["parse_known_args"]}
+    assert "return arguments(**vars(found))" in (ROOT / "cli" / "parser.py").read_text()
+
+
+@for_each(
+    "line",
+    [
+        "from argparse import Namespace",
+        "def run(arguments: argparse.Namespace) -> int: ...",
+        "given = parser.parse_args(words)",
+        "given, rest = parser.parse_known_args(words)",
+    ],
+)
+def test_the_rule_sees_arguments_without_types(line: str) -> None:
+    assert untyped_arguments(line) != []
+    assert untyped_arguments("given = parser.parse_args(words, namespace=Given())") == []

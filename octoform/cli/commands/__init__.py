@@ -1,1 +1,1 @@
-"""One module a command, imported only when the command is chosen; each has ``run(arguments, project, screen)``."""
+"""One module for each group of the table; each command has ``run_NAME(arguments, run)``."""

@@ -1,30 +1,23 @@
 """The duties of the daemon's agents can be listed as every stage can."""
 
-import io
-from argparse import Namespace
 from pathlib import Path
 
 import pytest
 
-from octoform.cli.commands.run import run_attempts
-from octoform.cli.parser import UsageError
+from octoform.cli.main import main
 from octoform.views.attempts import COLUMNS
-from octoform.views.format.console import Console
 from octoform.views.format.table import lines
 
 
 @pytest.mark.parametrize("stage", ["serve", "watch", "heal", "step.arm"])
 def test_what_an_agent_is_started_for_can_be_asked_for(tmp_path: Path, stage: str) -> None:
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\n")
-    console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
-    wanted = Namespace(verb=None, stage=stage, all=False, json=False)
-    assert run_attempts(wanted, tmp_path, console) == 0
+    assert main(["-chdir", str(tmp_path), "attempts", "-stage", stage]) == 0
 
 
-def test_what_no_agent_is_started_for_is_told_with_what_was_meant(tmp_path: Path) -> None:
-    console = Console(io.StringIO(), io.StringIO(), colour=False, colour_err=False, interactive=False)
-    with pytest.raises(UsageError, match="did you mean heal"):
-        run_attempts(Namespace(verb=None, stage="heel", all=False, json=False), tmp_path, console)
+def test_what_no_agent_is_started_for_is_told_with_what_was_meant(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["attempts", "-stage", "heel"]) == 1
+    assert "-stage: there is no stage 'heel'; did you mean heal?" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("width", [80, 100])

@@ -14,9 +14,9 @@ from octoform.claims.admission import Proposal
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import State
 from octoform.claims.settings import Settings
-from octoform.cli.commands.daemon import run_confirm
-from octoform.cli.dispatch import dispatch
-from octoform.cli.parser import parse
+from octoform.cli.commands.inspect import NodeArguments
+from octoform.cli.commands.safety import ConfirmArguments, run_confirm
+from octoform.cli.dispatch import Line, Run, dispatch
 from octoform.daemon import main
 from octoform.daemon.model import Cause, Repair
 from octoform.daemon.observe.clock_jumps import SystemClock
@@ -160,7 +160,10 @@ def test_a_declaration_needs_a_person_on_a_terminal(
         monkeypatch.setattr("sys.stdin", io.StringIO(typed))
         answer = io.StringIO()
         screen = Console(answer, io.StringIO(), colour=False, colour_err=False, interactive=True)
-        assert run_confirm(parse(["confirm", name]), host.project, screen) == code
+        asked = Run(screen)
+        asked.project = host.project
+        arguments = Line(["confirm", name]).arguments()
+        assert isinstance(arguments, ConfirmArguments) and run_confirm(arguments, asked) == code
         claims = json.loads(run(capsys, "claims", "-json")[1])["claims"]
         assert [each["state"] for each in claims if each["id"] == name] == [left]
     assert run(capsys, "claims", "-retire", name)[0] == 0
@@ -180,7 +183,9 @@ def test_no_is_said_without_a_question(host: Layout, capsys: pytest.CaptureFixtu
 
 @pytest.mark.parametrize("folder", [(), ("-chdir", "accept"), ("-chdir=accept",)])
 def test_a_former_name_is_the_new_command(folder: tuple[str, ...]) -> None:
-    arguments = parse([*folder, "accept", "probe", "-json"])
-    assert (arguments.renamed, arguments.command, arguments.verb) == ("accept", "state", "adopt")
-    assert (arguments.node, arguments.json, arguments.chdir) == ("probe", True, "accept" if folder else None)
-    assert parse(["state", "adopt", "accept"]).renamed is None
+    line = Line([*folder, "accept", "probe", "-json"])
+    assert line.command is not None and line.command.name == "state adopt"
+    assert (line.former, line.chdir) == ("accept", "accept" if folder else None)
+    arguments = line.arguments()
+    assert isinstance(arguments, NodeArguments) and (arguments.node, arguments.json) == ("probe", True)
+    assert Line(["state", "adopt", "accept"]).former is None

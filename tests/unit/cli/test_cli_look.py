@@ -220,7 +220,7 @@ def test_without_a_duration_the_manifest_has_to_agree(bench: Launched, capsys: p
     ("arguments", "told"),
     [
         (("-count", "2"), "-count limits the pictures of -every"),
-        (("-every", "1s", "-count", "none"), "is no number of looks"),
+        (("-every", "1s", "-count", "none"), "is not a number of looks"),
         (("-every", "500ms"), "too often"),
         (("-every", "30"), "is no duration"),
         (("-save", ""), "give the file"),
