@@ -49,7 +49,7 @@ def main() -> int:
         subject = project(folder)
         inside(subject.folder, "apply", "-auto-approve")
         bare = Command("python -I -S -c pass", [PYTHON, "-I", "-S", "-c", "pass"], folder)
-        loop = Command(f"python -I -S -c '{LOOP}'", [PYTHON, "-I", "-S", "-c", LOOP], folder)
+        loop = Command(f"python, {LOOP}", [PYTHON, "-I", "-S", "-c", LOOP], folder)
         plan = Command("octoform plan, nothing to do", [OCTOFORM, "plan"], subject.folder)
         usage = Command("octoform --help", [OCTOFORM, "--help"], subject.folder)
         other = terraform(folder)

@@ -2,17 +2,34 @@
 
 import copy
 import dataclasses
+import functools
 import inspect
 import pickle
+import subprocess
+import sys
 from collections.abc import Callable
 from functools import partial
 from typing import Any, ClassVar
 
 import pytest
 
-from octoform.records import dataclass
+from octoform.records import dataclass, field, replace
 
 Decorator = Callable[[type[Any]], type[Any]]
+
+
+LIGHT = """
+import sys
+from octoform.records import dataclass, field, replace
+
+@dataclass(frozen=True, slots=True)
+class Lamp:
+    name: str
+    parts: list = field(default_factory=list)
+
+assert replace(Lamp("a"), name="b") == Lamp("b") and "name='b'" in repr(Lamp("b"))
+print(*{"dataclasses", "inspect", "typing"} & {*sys.modules})
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,3 +209,58 @@ def test_what_is_more_than_a_record_is_refused_and_other_options_are_the_library
     count = Count()
     count.number += 1
     assert count == Count(1)
+
+
+def test_none_is_made_with_the_library() -> None:
+    done = subprocess.run([sys.executable, "-c", LIGHT], capture_output=True, text=True, check=True)
+    assert done.stdout == "\n"
+
+
+def test_fields_may_be_declared_with_either_function_and_a_record_may_extend_another() -> None:
+    @dataclass(frozen=True, slots=True)
+    class Lamp:
+        name: str
+        parts: list[int] = field(default_factory=list, compare=False)
+
+    @dataclass(frozen=True, slots=True)
+    class Row(Lamp):
+        seen: float = dataclasses.field(default=1.0, repr=False)
+
+    row = Row("a", [1])
+    assert (row.name, row.parts, row.seen, repr(row).endswith("Row(name='a', parts=[1])")) == ("a", [1], 1.0, True)
+    assert row == Row("a", [2]) and replace(row, seen=2.0) != row and not hasattr(row, "__dict__")
+    assert [item.name for item in dataclasses.fields(row)] == ["name", "parts", "seen"]
+    assert dataclasses.asdict(row) == {"name": "a", "parts": [1], "seen": 1.0}
+
+
+def test_without_slots_it_may_keep_what_it_has_worked_out() -> None:
+    @dataclass(frozen=True)
+    class Place:
+        name: str
+        parts: tuple[str, ...] = field(default=())
+
+        @functools.cached_property
+        def path(self) -> str:
+            return "/".join((self.name, *self.parts))
+
+    place = Place("a", ("b",))
+    assert place.path == "a/b" and vars(place) == {"name": "a", "parts": ("b",), "path": "a/b"}
+    assert Place("a") == Place("a", ()) and hash(Place("a")) == hash(Place("a", ())) and Place.parts == ()
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        place.name = "b"  # type: ignore[misc]
+    assert dataclasses.is_dataclass(Place) and dataclasses.replace(place, name="c").path == "c/b"
+
+
+def test_a_field_without_a_default_and_a_shared_list_are_refused_as_by_the_library() -> None:
+    with pytest.raises(TypeError, match="without a default"):
+
+        @dataclass(frozen=True, slots=True)
+        class Late:
+            name: str = ""
+            size: int  # type: ignore[misc]
+
+    with pytest.raises(ValueError, match="mutable default"):
+
+        @dataclass(frozen=True, slots=True)
+        class Shared:
+            parts: list[int] = []  # noqa: RUF012

@@ -291,6 +291,17 @@ def test_with_a_memo_nothing_heavy_is_imported(bench: Bench, command: str) -> No
     assert imported.isdisjoint(HEAVY)
 
 
+def test_with_a_memo_a_plan_leaves_what_the_parts_need_that_it_does_not_use(bench: Bench) -> None:
+    """The library of dataclasses brings the inspector of sources with it, that of arguments the catalogues of words."""
+    script = "import sys; from octoform.cli.main import main; main(sys.argv[1:]); print(*sys.modules)"
+    assert bench.hit()
+    program = [sys.executable, "-c", script, "-chdir", str(bench.project), "plan"]
+    done = subprocess.run(program, capture_output=True, text=True, check=True, env=dict(os.environ))
+    imported = set(done.stdout.splitlines()[-1].split())
+    assert imported.isdisjoint({"dataclasses", "inspect", "ast", "argparse", "gettext", "socket", "shutil", "decimal"})
+    assert imported.isdisjoint({"octoform.contracts", "octoform.plan.diff", "octoform.cli.parser"})
+
+
 def test_the_memo_says_the_warnings_that_the_long_way_says(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
