@@ -220,7 +220,8 @@ def _init(fields: "Mapping[str, _Given]") -> "Any":
     )
     known = {f"_make{index}": item.default_factory for index, item in enumerate(fields.values())}
     defaults = tuple(item.default for item in fields.values() if not item.is_required())  # a made one has _MISSING
-    return type(_init)(code, {**known, "_set": object.__setattr__, "_MISSING": _MISSING}, "__init__", defaults)
+    function: Any = type(_init)
+    return function(code, {**known, "_set": object.__setattr__, "_MISSING": _MISSING}, "__init__", defaults)
 
 
 _CODES: "dict[tuple[bool, ...], CodeType]" = {}
