@@ -201,7 +201,7 @@ CASES = (
     Case(
         "crashes at every start",
         _crashing_start,
-        _DEAD,
+        _DEAD | {Kind.PACKAGE_CONFLICT},  # a file that came into the environment is seen as such
         frozenset({Repair.RESTART, Repair.REBUILD}),
         repair=60.0,
         rows="F13",
@@ -209,7 +209,7 @@ CASES = (
     Case(
         "crashes soon after every start",
         _crashing_soon,
-        _DEAD,
+        _DEAD | {Kind.PACKAGE_CONFLICT},
         frozenset({Repair.RESTART, Repair.REBUILD}),
         right=lambda bench: bench.serves() and not (bench.packages() / "crash.pth").exists(),
         repair=90.0,

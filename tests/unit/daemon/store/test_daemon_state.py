@@ -328,3 +328,31 @@ def test_a_record_of_a_former_version_is_read_and_written_with_all_that_it_has(s
     later.load()
     later.save()
     assert incidents.read(shelf) == found
+
+
+@pytest.mark.parametrize(
+    ("member", "value", "is_read"),
+    [
+        ("seconds", 1e999, False),
+        ("seconds", "long", False),
+        ("verdict", "mended", False),
+        ("verdict", "rolled_back", True),
+        ("reasons", [["rule", "text"]], False),
+        ("reasons", [{"rule": 1, "text": 2}], True),
+        ("cost", {"calls": 1e999}, False),
+        ("cost", {"calls": 1, "usd": None}, True),
+        ("cost", [], True),
+        ("at", None, True),
+    ],
+)
+def test_a_damaged_outcome_is_reported_or_read_as_what_can_be_shown(
+    shelf: Shelf, member: str, value: Any, is_read: bool
+) -> None:
+    line = json.loads(FORMER.read_text().splitlines()[0])
+    line["tries"][0][member] = value
+    shelf.path("episodes.jsonl").write_text(json.dumps(line).replace("Infinity", "1e999") + "\n")
+    found = incidents.read(shelf)
+    assert (len(found), len(shelf.new_diagnostics())) == ((1, 0) if is_read else (0, 1))
+    for each in found:
+        text = json.dumps(incidents.to_json(each))
+        assert "Infinity" not in text and json.loads(text)["tries"][0]["repair"] == "restart"
