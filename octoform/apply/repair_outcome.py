@@ -185,9 +185,12 @@ class RepairOutcome:
         """As it crosses to another process, and as records and commands have it."""
         plain = self.plain()
         document = {
-            **plain.summary(),
+            "repair": self.repair,
+            "verdict": self.verdict,
             "at": self.at,
+            "ok": self.ok,
             "detail": plain.detail,
+            "seconds": self.seconds,
             "reasons": [{"rule": each.rule, "text": each.text} for each in plain.reasons],
             "cost": None if self.cost is None else self.cost.to_json(),
             "again": self.again,

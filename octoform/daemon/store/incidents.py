@@ -8,6 +8,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from itertools import takewhile
 from typing import Any
 
 from octoform.apply.repair_outcome import Cost, Reason, RepairOutcome, RepairVerdict
@@ -126,19 +127,16 @@ class Incidents:
     def tried(self, episode: Incident, made: RepairOutcome) -> RepairOutcome:
         """A repair was made for it; as it is kept."""
         kept = made.plain()
-        refusals = [each for each in episode.outcomes if not each.begun]
-        left = {id(each) for each in (*refusals, *episode.tries[1 - TRIES :])}
-        episode.outcomes = [*(each for each in episode.outcomes if id(each) in left), kept]
+        episode.outcomes = _bounded([*episode.outcomes, kept])
         episode.spent += made.spent
         self.note(episode)
         return kept
 
     def refused(self, episode: Incident, refusal: RepairOutcome) -> bool:
-        """A repair was considered and not begun; False where the incident knows it: the daemon asks at each look."""
-        refusals = [each for each in episode.outcomes if not each.begun]
-        if len(refusals) >= TRIES or any(_like(each, refusal) for each in refusals):
+        """A repair was considered and not begun; False where that is known since the last try: each look asks again."""
+        if any(_like(each, refusal) for each in takewhile(lambda each: not each.begun, reversed(episode.outcomes))):
             return False
-        episode.outcomes = [*episode.outcomes, refusal.plain()]
+        episode.outcomes = _bounded([*episode.outcomes, refusal.plain()])
         self.note(episode)
         return True
 
@@ -258,6 +256,13 @@ def described(finding: Finding) -> dict[str, Any]:
         "chain": tuple(repair.value for repair in (finding.repair, *finding.then)),
         "evidence": tuple(escaped(item)[:SUMMARY] for item in finding.evidence[:20]),
     }
+
+
+def _bounded(outcomes: list[RepairOutcome]) -> list[RepairOutcome]:
+    """The latest tries, and as many refusals: neither takes the place of the other."""
+    parts = [[each for each in outcomes if each.begun is begun][-TRIES:] for begun in (True, False)]
+    left = {id(each) for part in parts for each in part}
+    return [each for each in outcomes if id(each) in left]
 
 
 def _like(one: RepairOutcome, other: RepairOutcome) -> bool:

@@ -151,6 +151,21 @@ def test_an_outcome_crosses_processes_and_records_as_it_is() -> None:
     assert RepairOutcome.from_json(json.loads(json.dumps(heard.to_json()))) == heard
 
 
+def test_a_refusal_after_another_try_is_another_one(world: DaemonWorld) -> None:
+    world.mends[Repair.RESTORE] = lambda world, finding: failed("the disk does not answer")
+    world.start()
+    for _ in range(2):
+        instance_lock.pause(world.layout, world.stamp())
+        world.truth.damaged[FILE] = "changed"
+        world.happens(Cause.FILES)
+        world.advance(20)
+        world.happens(Cause.FILES)
+        instance_lock.resume(world.layout)
+        world.happens(Cause.FILES)
+    refused, tried = ("restore", "refused", ["loop.paused"]), ("restore", "failed", ["repair.not-made"])
+    assert summed(kept(world))[:4] == [refused, tried, refused, tried]
+
+
 def test_refusals_take_no_place_of_tries(world: DaemonWorld) -> None:
     world.start()
     world.die()
