@@ -36,6 +36,14 @@ def cited(report: dict[str, Any], known: dict[str, Any]) -> dict[str, Any]:
     return report
 
 
+FAILS = """        return Said(text=grams[runtime.read_text(unit.path("hwmon") / "temp1_input") or "0"])"""
+MENDED = """        weight = runtime.read_text(unit.path("hwmon") / "temp1_input")
+        if weight is None:
+            raise RuntimeError("the sensor gave no reading")
+        return Said(text=grams.get(weight, "something"))"""
+"""No value is made up for one that was not read: what is refused otherwise (SERVE-DEFAULT-READING)."""
+
+
 def server(how: str, source: Path, target: Path) -> None:
     """A candidate for HEAL."""
     text = source.read_text()
@@ -44,8 +52,7 @@ def server(how: str, source: Path, target: Path) -> None:
     elif how == "without_tool":
         text = TOOL.sub("", text)
     else:
-        text = text.replace("grams[runtime.read_text", "grams.get(runtime.read_text", 1)
-        text = text.replace('"temp1_input") or "0"])', '"temp1_input") or "0", "something"))', 1)
+        text = text.replace(FAILS, MENDED)
         text = text.replace("> HEAVIEST:", "> 2 * HEAVIEST:") if how == "weaker" else text
     target.write_text(text)
 
