@@ -8,6 +8,7 @@ from cases import for_each
 from unit.contracts.contract_samples import READ, SCHEMAS, artifacts, good
 
 from octoform.contracts.contract_check import MAX_PER_RULE, RULES, check
+from octoform.contracts.model import Artifacts
 from octoform.contracts.rules import probe_host_rules, probe_rules
 from octoform.contracts.rules.identify import (
     annotation_rules,
@@ -17,6 +18,7 @@ from octoform.contracts.rules.identify import (
     name_rules,
     prose_rules,
 )
+from octoform.contracts.rules.identify.answer_rules import is_whole_quote
 from octoform.diagnostics import Severity
 
 Change = Callable[[dict[str, Any]], Any]
@@ -533,3 +535,31 @@ def test_the_numbers_of_a_kind_in_a_serials_place_are_no_serial() -> None:
     for serial, codes in (("0424_9514", set()), ("04249514", {"PROBE-SERIAL-IN-ID"})):
         value["devices"][0]["instance"]["udev.ID_SERIAL"] = serial
         assert {item.code for item in check("probe", value, artifacts(), SCHEMAS)} == codes
+
+
+def test_a_serial_number_of_three_signs_is_one_and_of_two_is_none() -> None:
+    value = good("probe")
+    for serial, codes in (("1a2a1a2a", {"PROBE-SERIAL-IN-ID"}), ("1a1a1a1a", set())):
+        value["devices"][0]["id"] = f"usb-0424-{serial}"
+        value["devices"][0]["instance"]["udev.ID_SERIAL"] = serial
+        assert {item.code for item in check("probe", value, artifacts(), SCHEMAS)} == codes
+
+
+@pytest.mark.parametrize(
+    ("quote", "whole"),
+    [
+        ("Otter A", False),
+        ("Otter", True),
+        ("tter", False),
+        ("r A", False),
+        ("Otter AB-", True),
+        ("AB-7", True),
+        ("-7", True),
+        ("Ma\u00df1", False),
+        ("1\u00df", True),
+        ("\u00df12", True),
+    ],
+)
+def test_a_quote_ends_where_a_word_of_latin_letters_does(quote: str, whole: bool) -> None:
+    device: Any = {"id": "a", "name": "", "raw_descriptor": "product: Otter AB-7 Ma\u00df12 1\u00dfX"}
+    assert is_whole_quote(quote, device, Artifacts()) is whole

@@ -91,17 +91,22 @@ def test_the_cure_of_a_report_is_about_the_report() -> None:
 
 
 @pytest.mark.parametrize(
-    ("member", "effect", "expected"),
+    ("unit", "member", "effect", "expected"),
     [
-        ("value_celsius", "read", ["INTERFACE-CHANNEL-UNIT"]),
-        ("value_volts", "read", []),
-        ("value_celsius", "actuate", []),
+        ("V", "value_celsius", "read", ["INTERFACE-CHANNEL-UNIT"]),
+        ("V", "value_volts", "read", []),
+        ("V", "value_celsius", "actuate", []),
+        ("degF", "value_celsius", "read", []),
+        ("K", "value_celsius", "read", []),
+        ("degC", "value_fahrenheit", "read", []),
+        ("hPa", "value_kpa", "read", []),
+        ("hPa", "value_celsius", "read", ["INTERFACE-CHANNEL-UNIT"]),
     ],
 )
 def test_a_reading_is_in_a_unit_of_its_channels_whatever_it_is_called(
-    member: str, effect: str, expected: list[str]
+    unit: str, member: str, effect: str, expected: list[str]
 ) -> None:
-    channels = [{"channel": "in0", "unit": "V"}]
+    channels = [{"channel": "in0", "unit": unit}]
     ability = {"name": "read_inputs", "effect": effect, "parameters": {"channels": channels}}
     result = {"properties": {member: {"type": "number"}}}
     tool = {**LOOK, "capability": "read_inputs", "effect": effect, "output_schema": result}

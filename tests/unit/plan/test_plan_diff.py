@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 from unit.plan.settled_graph import FILES, GRAPH, OUTPUTS, observed, settled
 
-from octoform.graph.model import Graph
+from octoform.graph.model import Agent, Graph, NodeKind
 from octoform.plan.diff import Observed, Prior, Wishes, diff
 from octoform.plan.model import Action, Cause, PlannedAction
 
@@ -107,3 +107,15 @@ def test_ignored_parts_do_not_count() -> None:
     assert plan(prior, observed())["serve"].action is Action.UPDATE
     ignoring = Wishes(ignore=frozenset({"model", "harness"}))
     assert plan(prior, observed(), ignoring)["serve"].action is Action.NOOP
+
+
+def test_whom_a_stage_asks_next_is_planned_where_its_agent_runs() -> None:
+    graph = Graph(
+        tuple(
+            replace(node, escalate=Agent("next", "m")) if node.kind is NodeKind.STAGE else node for node in GRAPH.nodes
+        )
+    )
+    for prior, expected in (({}, Agent("next", "m")), (settled(), None)):
+        actions = {item.node: item for item in diff(graph, prior, observed(), Wishes())}
+        assert actions["identify"].escalate == expected
+        assert actions["endpoint"].escalate is None
