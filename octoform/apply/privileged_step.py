@@ -22,7 +22,7 @@ from octoform.apply.stage.attempt_loop import fulfil
 from octoform.apply.stage.secret_scan import leaked
 from octoform.apply.trial_tools import Hand, LiveHand
 from octoform.base.files import read_plain
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.artifact_parser import MAX_SOURCE_BYTES, parse
 from octoform.contracts.contract_check import check
 from octoform.contracts.model import Artifacts, StepFacts, corroborated

@@ -12,7 +12,7 @@ from typing import Any
 from octoform.apply.context import Clock
 from octoform.apply.trial_tools import Hand, Restoring, ToolAnswer
 from octoform.base.escaping import escaped
-from octoform.base.pointer import resolve
+from octoform.base.shape import resolve
 from octoform.diagnostics import Diagnostic, error, warning
 from octoform.protocol.model import Proof
 from octoform.records import dataclass, field

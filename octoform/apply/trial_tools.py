@@ -7,7 +7,7 @@ The person who switched the step on in the manifest has approved its movements; 
 from collections.abc import Mapping
 from typing import Any, Protocol
 
-from octoform.base.pointer import resolve
+from octoform.base.shape import resolve
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.terminal import NoTerminal, Wanted, call
 from octoform.perception.capture import Picture, take

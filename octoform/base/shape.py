@@ -1,9 +1,11 @@
 """Whether a JSON value has the form that its reader stands on, checked before any of it is used.
 
 A reader that finds a word where a list should be would otherwise end with a traceback, far from the file that is
-damaged. For records of octoform's own; what agents write is held against its schema. Standard library only.
+damaged. For records of octoform's own; what agents write is held against its schema. JSON pointers (RFC 6901) name the
+place of a value in a document, as one text. Standard library only.
 """
 
+from collections.abc import Mapping
 from typing import Any
 
 _TEXT = (str, None)
@@ -46,3 +48,26 @@ def _object_fits(value: dict[str, Any], shape: dict[Any, Any]) -> bool:
     if str in shape:
         return all(fits(each, shape[str]) for each in value.values())
     return all(fits(value.get(name), each) for name, each in shape.items())
+
+
+def step(part: object) -> str:
+    """One reference token: ``~`` and ``/`` inside it are escaped (section 3)."""
+    return str(part).replace("~", "~0").replace("/", "~1")
+
+
+def pointer(*parts: str | int) -> str:
+    """The pointer of the parts; ``""`` for none, which is the whole document."""
+    return "".join(f"/{step(part)}" for part in parts)
+
+
+def resolve(document: object, place: str) -> object:
+    """The value that a pointer points to, or the local reference of a schema (``#/$defs/x``); None without one."""
+    for part in place.removeprefix("#").split("/")[1:]:
+        key = part.replace("~1", "/").replace("~0", "~")
+        if isinstance(document, Mapping):
+            document = document.get(key)
+        elif isinstance(document, list) and key.isdigit() and int(key) < len(document):
+            document = document[int(key)]
+        else:
+            return None
+    return document

@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 from octoform.base.clock import parse_stamp
+from octoform.base.health_status import Status
 from octoform.builtin.task import Task, TaskRefused
 from octoform.patterns import regex
 from octoform.records import dataclass
@@ -234,21 +235,21 @@ def _error(
     }
 
 
-def _status(given: Given, errors: Sequence[Error]) -> str:
+def _status(given: Given, errors: Sequence[Error]) -> Status:
     if any(item["class"] == "dead_process" for item in errors):
-        return "down"
+        return Status.DOWN
     if errors:
-        return "error"
-    return "unknown" if given.unreadable() or not given.newest or given.claims else "healthy"
+        return Status.ERROR
+    return Status.UNKNOWN if given.unreadable() or not given.newest or given.claims else Status.HEALTHY
 
 
-def _summary(given: Given, status: str, errors: Sequence[Error]) -> str:
+def _summary(given: Given, status: Status, errors: Sequence[Error]) -> str:
     if errors:
         about = dict.fromkeys(str(item["tool"] or item["device"] or "the server") for item in errors)
         text = f"{_count(len(errors), 'error')}, about {', '.join(about)}."
     elif not given.newest:
         text = "There is no reading, so nothing is known."
-    elif status == "healthy":
+    elif status is Status.HEALTHY:
         text = f"All {len(given.newest)} signals report, and no call fails."
     else:
         text = "No call fails; what is below does not report, or is restricted by a claim."

@@ -9,7 +9,7 @@ from typing import Any
 
 from octoform.base import digest
 from octoform.base.files import read_json
-from octoform.base.pointer import resolve
+from octoform.base.shape import resolve
 
 _DROPPED = ("x-instance", "x-volatile")
 

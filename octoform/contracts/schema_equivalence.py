@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import resolve
+from octoform.base.shape import resolve
 from octoform.contracts.artifact_parser import MAX_DEPTH, deeper_than
 from octoform.contracts.model import JsonObject
 from octoform.diagnostics import Diagnostic, error

@@ -13,7 +13,7 @@ from jsonschema.exceptions import best_match
 from referencing import Registry
 
 from octoform.base.escaping import display
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.diagnostics import Diagnostic, did_you_mean, error
 
 MAX_DIAGNOSTICS = 20

@@ -8,35 +8,22 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any, Protocol
 
 from octoform.base.files import record
+from octoform.base.health_status import ORDER, Status, worst
 from octoform.claims.model import Claim, Reading, Signal, State, holds
-from octoform.daemon.model import Facts, Finding, Kind, Outcome, Status
+from octoform.daemon.model import Facts, Finding, Outcome
 from octoform.daemon.signals import Silence, answered, newest, reporting, silent, unread
 from octoform.endpoint.drift import OTHER_TOOLS
 from octoform.records import dataclass, field, replace
 
 FORMAT = 1
-ORDER = (Status.HEALTHY, Status.UNKNOWN, Status.DEGRADED, Status.ERROR, Status.DOWN)
-"""From best to worst: one that is known to be ill is worse than one of which nothing is known."""
-_KINDS: Mapping[Kind, Status] = {
-    Kind.PROCESS_DEAD: Status.DOWN,
-    Kind.CRASH_LOOP: Status.DOWN,
-    Kind.PORT_TAKEN: Status.DOWN,
-    Kind.PROCESS_HUNG: Status.DOWN,
-    Kind.PACKAGE_DAMAGED: Status.ERROR,
-    Kind.PACKAGE_CONFLICT: Status.ERROR,
-    Kind.DISK_FULL: Status.ERROR,
-    Kind.STATE_DAMAGED: Status.ERROR,
-    Kind.UNCOVERED: Status.UNKNOWN,
-    Kind.LOG_OVERGROWN: Status.HEALTHY,
-}
 
 
 class ProblemLike(Protocol):
     """An incident, as far as health is concerned."""
 
     @property
-    def kind(self) -> Kind:
-        """The kind of the problem."""
+    def status(self) -> Status:
+        """How bad it is while it lasts."""
 
     @property
     def target(self) -> str:
@@ -140,7 +127,7 @@ def compose(
         facts.host,
         facts.stamp,
         facts.uptime,
-        max((each.status for each in ill), key=ORDER.index, default=Status.HEALTHY),
+        worst(each.status for each in ill),
         tuple(ill),
         len(reporting(latest.values())) if facts.applied else 0,  # what a destroyed endpoint read, no one reads now
         tuple(f"{source}{path}" for source, path, _ in quiet),
@@ -190,7 +177,7 @@ def _devices(facts: Facts) -> Iterable[Part]:
 def _problem_parts(episodes: Iterable[ProblemLike]) -> Iterable[Part]:
     for each in episodes:
         if each.outcome in (Outcome.OPEN, Outcome.FROZEN, Outcome.SURFACED):
-            yield Part(each.target, _KINDS.get(each.kind, Status.DEGRADED), each.summary)
+            yield Part(each.target, each.status, each.summary)
 
 
 def _is_upheld(claim: Claim, latest: Mapping[Signal, Reading]) -> bool:

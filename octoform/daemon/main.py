@@ -14,11 +14,12 @@ from typing import Any
 import octoform
 from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.files import write_all
+from octoform.base.health_status import Status
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.claims.settings import Settings, settings_of
 from octoform.daemon import metrics, notices
-from octoform.daemon.model import Finding, Ports, Repair, Status
+from octoform.daemon.model import Finding, Ports, Repair
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.event_queue import EventSources, Timing, open_sources
 from octoform.daemon.observe.observer import Looker, busy, open_look

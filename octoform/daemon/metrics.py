@@ -10,8 +10,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from octoform.base.health_status import Status
 from octoform.daemon.health import Health
-from octoform.daemon.model import Outcome, Status
+from octoform.daemon.model import Outcome
 from octoform.daemon.store.incidents import Incident
 from octoform.diagnostics import Diagnostic
 from octoform.records import dataclass, replace

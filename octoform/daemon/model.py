@@ -11,6 +11,7 @@ from typing import Any, Protocol
 
 from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.digest import of_value, short
+from octoform.base.health_status import Status
 from octoform.claims.model import Reading, Signal
 from octoform.endpoint.logs import LoggedCall
 from octoform.endpoint.process.record import Running
@@ -104,16 +105,6 @@ class Repair(StrEnum):
     WAIT = "wait"
     """Only the world can fix it (a device that was pulled): reported once, closed when it is over."""
     PERSON = "person"
-
-
-class Status(StrEnum):
-    """Health in one word. ``unknown`` is what cannot report; it is never ``healthy``."""
-
-    HEALTHY = "healthy"
-    DEGRADED = "degraded"
-    ERROR = "error"
-    DOWN = "down"
-    UNKNOWN = "unknown"
 
 
 class Outcome(StrEnum):

@@ -8,10 +8,10 @@ the logs is still new to it.
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any
 
 from octoform.apply.repair_outcome import WAITS
 from octoform.base.files import parse
+from octoform.base.health_status import FILE, basis, believed
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Claim, Signal
 from octoform.claims.settings import Settings
@@ -22,7 +22,6 @@ from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.observe.observer import open_look
 from octoform.daemon.observe.samples import Sensors
 from octoform.daemon.signals import current, measured
-from octoform.daemon.status_file import FILE, FRESH_SECONDS, basis
 from octoform.daemon.store import incidents, instance_lock
 from octoform.daemon.store.backoff import Backoffs
 from octoform.daemon.store.incidents import Incident, described
@@ -39,7 +38,6 @@ from octoform.endpoint.process.record import running
 from octoform.engine.apply import approval
 from octoform.engine.tools import layout_of
 from octoform.host import SYSROOT_VARIABLE
-from octoform.manifest.model import FILE_NAME
 from octoform.records import dataclass, field, replace
 from octoform.state.files import read_regular
 from octoform.state.layout import Layout
@@ -104,7 +102,7 @@ def survey(project: Path, environ: Mapping[str, str]) -> tuple[Survey | None, li
     watched = instance_lock.alive(layout)
     # A daemon that can write nothing down any more has left what was true before.
     heard = watched is not None and os.access(layout.daemon, os.W_OK)
-    result = _bulletin(layout, environ) if heard else None
+    result = _bulletin(layout) if heard else None
     if result is None:
         health, troubles = _looked(layout, environ, known)
         age = 0.0
@@ -137,7 +135,7 @@ def _known(layout: Layout) -> _Known:
     return _Known(shelf, incidents.read(shelf), frozen)
 
 
-def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float, dict[str, str]] | None:
+def _bulletin(layout: Layout) -> tuple[Health, float, dict[str, str]] | None:
     """The living daemon's last status, its age in seconds, and why repairs wait; None where it is not fresh."""
     data, _ = read_regular(layout.daemon / FILE, _LIMIT)
     try:
@@ -146,28 +144,12 @@ def _bulletin(layout: Layout, environ: Mapping[str, str]) -> tuple[Health, float
         waits = {str(key): str(why) for key, why in document.get("waits", {}).items()}
     except (ValueError, LookupError, TypeError, AttributeError, OverflowError):
         return None
-    age = SystemClock().uptime() - health.uptime
-    if age < 0 or health.host != layout.host or _is_past(document, layout):
+    now, process = SystemClock().uptime(), running(layout)
+    instance = process.instance if process is not None else None
+    here = basis(instance, stopped=record.read(layout) is not None, engaged=is_engaged(layout))
+    if health.host != layout.host or believed(document, now, here) is None:
         return None
-    # The interval is asked for only where it matters: reading a manifest takes longer than all the rest.
-    if age > FRESH_SECONDS and age > _interval(layout, environ) + FRESH_SECONDS:
-        return None
-    return health, age, waits
-
-
-def _is_past(document: Mapping[str, Any], layout: Layout) -> bool:
-    """True when the process, a person's stop or the emergency stop is not as the record of health has it."""
-    stop = record.read(layout)
-    by, latched = None if stop is None else stop.by, is_engaged(layout)
-    now = basis(Facts(0.0, "", layout.host, process=running(layout), stopped_by=by, latched=latched))
-    return bool(document.get("basis", now) != now)
-
-
-def _interval(layout: Layout, environ: Mapping[str, str]) -> float:
-    from octoform.manifest.loader import load
-
-    manifest, _ = load(layout.project / FILE_NAME, environ)
-    return float(manifest.daemon.interval) if manifest is not None else 0.0
+    return health, now - health.uptime, waits
 
 
 def _looked(layout: Layout, environ: Mapping[str, str], known: _Known) -> tuple[Health, list[OpenProblem]]:
@@ -234,7 +216,7 @@ def incident(project: Path, environ: Mapping[str, str], name: str) -> tuple[Open
     if episode.over:
         return OpenProblem(episode.target, episode.summary, episode.opened, episode), known.shelf.said
     watched = instance_lock.alive(layout) is not None
-    heard = _bulletin(layout, environ) if watched else None
+    heard = _bulletin(layout) if watched else None
     waits = heard[2].get(episode.key, "") if heard is not None else ""
     made = _of_episode(episode, known, waits or ("" if watched else "no daemon runs (octoform watch)"))
     last_word = (

@@ -5,6 +5,7 @@ from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import Any
 
+from octoform.base.health_status import FILE, basis
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health, compose
@@ -12,15 +13,14 @@ from octoform.daemon.model import Facts
 from octoform.daemon.signals import current, measured, unread
 from octoform.daemon.store.memory import Memory
 
-FILE = "health.json"
 FRESH_SECONDS = 60.0
 """The longest between two writings of what has not changed: older health is not believed."""
 
 
-def basis(facts: Facts) -> dict[str, Any]:
-    """The facts that any process can check: a record of health that it contradicts is not believed."""
+def seen(facts: Facts) -> dict[str, Any]:
+    """What these facts have of what any process can check."""
     instance = facts.process.instance if facts.process is not None else None
-    return {"instance": instance, "stopped": facts.stopped_by is not None, "latched": facts.latched}
+    return basis(instance, stopped=facts.stopped_by is not None, engaged=facts.latched)
 
 
 @dataclass(slots=True)
@@ -50,7 +50,7 @@ class Bulletin:
         health = compose(facts, self.memory.episodes.open.values(), claims, readings, self._expected(known), silent)
         given_up = self.memory.breakers.given_up(self.memory.episodes.open.values())
         frozen = [{"target": each.target, "why": each.frozen} for each in given_up]
-        beside = {"paused": paused, "waits": dict(waits), "frozen": frozen, "basis": basis(facts)}
+        beside = {"paused": paused, "waits": dict(waits), "frozen": frozen, "basis": seen(facts)}
         # The interval is a third of `stale`.
         until = facts.uptime + self.stale / 3 + FRESH_SECONDS
         document = {**health.as_json(), **beside, "until": until}

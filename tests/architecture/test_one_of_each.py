@@ -30,8 +30,10 @@ IDEAS = {
     "the clock that goes on in sleep": (r"CLOCK_BOOTTIME", "base/clock.py"),
     "which start of the machine this is": (r"random/boot_id|'boot_id'\)\.read", "base/clock.py"),
     "a lock on a file": (r"\b(?:flock|lockf)\(", "base/locks.py"),
-    "a token of a JSON pointer": (r"'~0'", "base/pointer.py"),
+    "a token of a JSON pointer": (r"'~0'", "base/shape.py"),
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
+    "the words for health": (r"'healthy'", "base/health_status.py"),
+    "whether a record of health is of now": (r"<= \w+\['until'\]", "base/health_status.py"),
     "the key part of a consumed output": (r"'input\.'|f'input\.\{", "graph/model.py"),
     "the hash of a node's inputs in its state": (r"(?:'key': |\bkey=)\w*\.?key_of\(", "state/accepted.py"),
     "the way back from a stage": (r"'deploy': 'serve'\}|'deploy': \w+\('serve'", "graph/compile.py"),
@@ -43,7 +45,7 @@ SERVED = re.compile(r"\b(?:fastmcp|pydantic|opencv-python-headless|pyserial|typi
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
-    r"|boot_id|['\"]deploy['\"]: |key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
+    r"|boot_id|['\"]deploy['\"]: |['\"]healthy|['\"]until|key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
 )
 
 

@@ -21,11 +21,12 @@ from daemon_world import DaemonWorld, worked
 from virtual_rig import ARM, VirtualRig, described, virtual_rig
 
 from octoform.apply.repair_outcome import RepairOutcome
+from octoform.base.health_status import Status
 from octoform.claims.codec import evidence_of
 from octoform.claims.ledger import CLAIMS
 from octoform.claims.model import Channel, Claim, Reading, Signal, State, holds
 from octoform.claims.settings import bound_documents, settings_of
-from octoform.daemon.model import Cause, Finding, Repair, Status
+from octoform.daemon.model import Cause, Finding, Repair
 from octoform.daemon.observe.samples import flattened
 from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.diagnostics import Diagnostic

@@ -12,7 +12,7 @@ from itertools import islice
 from typing import Any
 
 from octoform.base.files import parse
-from octoform.base.pointer import step
+from octoform.base.shape import step
 from octoform.diagnostics import Diagnostic, Span, error, warning
 from octoform.harness.containment import agent_environment
 from octoform.harness.port import Task

@@ -180,7 +180,7 @@ def _status_of(result: RunResult) -> int:
     if result.failed or not (result.incomplete or result.silent):
         return int(bool(result.failed))
     # Imported here: it is seldom needed, and loads half of the daemon.
-    from octoform.daemon.model import Status
+    from octoform.base.health_status import Status
     from octoform.views.daemon.event_log import EXIT
 
     return EXIT[Status.DEGRADED]

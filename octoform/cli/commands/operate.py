@@ -11,8 +11,8 @@ TYPE_CHECKING = False
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from octoform.base.health_status import Status
     from octoform.cli.dispatch import Run
-    from octoform.daemon.model import Status
     from octoform.diagnostics import Diagnostic
     from octoform.engine import endpoint_process as engine
     from octoform.views.daemon.event_log import Lines, Objects, Silence
@@ -80,8 +80,8 @@ def _watched(
     None where it came to no end of its own: it was refused, which is shown (1), or ended by a signal (128 + number).
     ``beside`` gives the exit code where another process has become the daemon meanwhile; None: that is a refusal, too.
     """
+    from octoform.base.health_status import Status
     from octoform.daemon.main import watch
-    from octoform.daemon.model import Status
     from octoform.daemon.store.instance_lock import TAKEN
     from octoform.views.daemon.event_log import EXIT
 

@@ -7,7 +7,7 @@ index happens to offer on the day of a repair. Light.
 from collections.abc import Collection, Mapping
 
 from octoform.base.escaping import display, escaped, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_words import is_misspelt
 from octoform.contracts.rules.serve.code_rules import is_standard, programs_of

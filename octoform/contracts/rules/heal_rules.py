@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.rules import report_rules, text_rules
 from octoform.contracts.rules.report_rules import Found, concerned, facts_of, source_of

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, error
 from octoform.patterns import regex

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 from octoform.base.clock import parse_stamp
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.host_identity import secrets_of
 from octoform.contracts.model import Artifacts, HostScan, JsonObject, Rule
 from octoform.contracts.name_words import without_escapes

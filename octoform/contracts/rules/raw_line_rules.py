@@ -10,7 +10,7 @@ import re
 from collections.abc import Collection, Iterator
 
 from octoform.base.escaping import display
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.device_kinds import RAW, SAME_KIND
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, effects_of
 from octoform.contracts.movement_words import (

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.conditions import holds, untestable
 from octoform.contracts.model import Artifacts, JsonObject, Rule, RuleCheck
 from octoform.contracts.report_context import SENSOR, DutyFacts, Place, place_of

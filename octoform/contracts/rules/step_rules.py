@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, StepFacts
 from octoform.contracts.name_clues import same_action
 from octoform.diagnostics import Diagnostic, did_you_mean, error

@@ -9,7 +9,7 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from octoform.base.escaping import escaped, escaped_json, is_hidden
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, RuleCheck
 from octoform.diagnostics import Diagnostic, Span, error
 

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Mapping
 from typing import Any
 
 from octoform.base.escaping import display
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.diagnostics import Diagnostic, warning
 from octoform.patterns import regex

@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.health_status import Status
+from octoform.base.shape import pointer
 from octoform.conditions import holds
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.report_context import FRAME, KERNEL, LOG, PROCESS, SENSOR, DutyFacts, place_of
@@ -14,7 +15,7 @@ from octoform.contracts.rules.report_rules import Found, Target, about, citation
 from octoform.diagnostics import error
 from octoform.patterns import regex
 
-_GRAVE = ("error", "down")
+_GRAVE = (Status.ERROR, Status.DOWN)
 _CALLED = (LOG, SENSOR)
 
 
@@ -79,20 +80,20 @@ def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
     classes = {item["class"] for item in errors}
     fatal = any(item["severity"] == "fatal" for item in errors)
     problem = None
-    if status == "healthy" and held:
+    if status == Status.HEALTHY and held:
         problem = (
             "the status is healthy, and the report lists a problem",
             "write degraded or error, or remove the problem",
         )
     elif status in _GRAVE and not errors:
         problem = f"the status is {status}, and the report lists no error", "write the error with what shows it"
-    elif status == "degraded" and not held and not facts_of(artifacts).claims:
+    elif status == Status.DEGRADED and not held and not facts_of(artifacts).claims:
         problem = "the status is degraded, and the report lists nothing", "write what is wrong, with what shows it"
-    elif status == "degraded" and fatal:
+    elif status == Status.DEGRADED and fatal:
         problem = "the status is degraded, and an error is fatal", "write error, or down where the server is"
-    elif status == "down" and "dead_process" not in classes:
+    elif status == Status.DOWN and "dead_process" not in classes:
         problem = "the status is down, and no error is of the class dead_process", "write error: the server answers"
-    elif status in ("degraded", "error") and "dead_process" in classes:
+    elif status in (Status.DEGRADED, Status.ERROR) and "dead_process" in classes:
         problem = f"the status is {status}, and the server does not run or answer", "write down"
     if problem is None:
         return []
@@ -101,7 +102,7 @@ def status_contradicts(value: JsonObject, artifacts: Artifacts) -> Found:
 
 def health_uncovered(value: JsonObject, artifacts: Artifacts) -> Found:
     """No one is healthy who does not report."""
-    if value["status"] != "healthy":
+    if value["status"] != Status.HEALTHY:
         return []
     return [
         error("WATCH-HEALTH-UNCOVERED", f"the status is healthy, and {why}", pointer="/status", hint=hint)

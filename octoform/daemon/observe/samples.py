@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from octoform.base.escaping import escaped
-from octoform.base.pointer import step
+from octoform.base.shape import step
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.client.jsonrpc import Wire, WireError, sender

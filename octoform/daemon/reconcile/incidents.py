@@ -6,7 +6,8 @@ All that is known of a problem is kept with its incident, so that the next daemo
 from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import InitVar, dataclass, field
 
-from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Notify, Outcome, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Alert, Cause, Facts, Finding, Kind, Notify, Outcome
 from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.memory import Memory
 from octoform.engine.apply import approval

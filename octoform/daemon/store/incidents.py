@@ -14,7 +14,8 @@ from typing import Any
 from octoform.apply.repair_outcome import Cost, Reason, RepairOutcome, RepairVerdict
 from octoform.base.escaping import escaped
 from octoform.base.files import parse, private_folder, record
-from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Cause, Facts, FaultClass, Finding, Kind, Outcome, Repair
 from octoform.daemon.store.json_store import FORMAT, LIMIT, Shelf, number
 from octoform.diagnostics import warning
 from octoform.records import dataclass, field

@@ -8,7 +8,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import escaped
-from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair
 
 MAX_FINDINGS = 20
 TEXT_CHARS, SUMMARY_CHARS = 300, 600
@@ -20,6 +21,7 @@ _KINDS = {
     FaultClass.DEVICE_MOVED: Kind.DEVICE_MOVED,
     FaultClass.NONE: Kind.TOOL_FAILING,
 }
+_STATUSES = {FaultClass.DEPENDENCY: Status.ERROR, FaultClass.DEAD_PROCESS: Status.DOWN}
 _PLAYBOOK = {
     FaultClass.DEPENDENCY: (Repair.REBUILD, Repair.HEAL),
     FaultClass.BROKEN_TOOL: (Repair.HEAL, Repair.HEAL),
@@ -72,7 +74,7 @@ def _finding(reported: Mapping[str, Any], facts: Facts) -> Finding:
         evidence,
         repairs[0],
         repairs[1:],
-        Status.ERROR if fatal else Status.DEGRADED,
+        Status.ERROR if fatal else _STATUSES.get(fault, Status.DEGRADED),
         _text(reported.get("suggested_fix")),
         {"by": "watch", "error": dict(reported), "tool": tool, "device": device},
     )

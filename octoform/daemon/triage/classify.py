@@ -7,8 +7,9 @@ damaged or its packages gone is started last. What another finding explains is n
 from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Sequence
 
+from octoform.base.health_status import Status
 from octoform.claims.model import Channel, Reading
-from octoform.daemon.model import Facts, FaultClass, Finding, Kind, LastSeen, Repair, Status
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, LastSeen, Repair
 from octoform.daemon.observe.samples import tool_of
 from octoform.daemon.signals import Silence, silent
 from octoform.daemon.triage import process

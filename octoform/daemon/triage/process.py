@@ -5,7 +5,8 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 
 from octoform.base.escaping import escaped
-from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Facts, FaultClass, Finding, Kind, Repair
 from octoform.daemon.triage.failure_history import Recall
 from octoform.patterns import regex
 
@@ -182,7 +183,8 @@ def _file(host: str, path: str, how: str) -> Finding:
     if path.startswith(f".octoform/{host}/endpoint/"):
         then = (Repair.REPUBLISH, Repair.PERSON)
         return Finding(kind, fault, target, summary, evidence, Repair.REPUBLISH, then, data={"path": path})
-    return Finding(Kind.STATE_DAMAGED, FaultClass.NONE, target, summary, evidence, Repair.PERSON, data={"path": path})
+    kind, fault, data = Kind.STATE_DAMAGED, FaultClass.NONE, {"path": path}
+    return Finding(kind, fault, target, summary, evidence, Repair.PERSON, status=Status.ERROR, data=data)
 
 
 def _foreign(path: str) -> Finding:

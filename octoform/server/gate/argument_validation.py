@@ -15,7 +15,7 @@ from typing import Any, NamedTuple, cast, get_type_hints
 from fastmcp.server.dependencies import without_injected_parameters
 from pydantic import TypeAdapter
 
-from octoform.base.pointer import resolve
+from octoform.base.shape import resolve
 
 Check = Callable[[Any], str | None]
 """The problem of a value, as words that follow its place; None when it fits."""

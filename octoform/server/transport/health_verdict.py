@@ -12,12 +12,10 @@ from typing import Any
 
 from octoform.base.clock import boottime
 from octoform.base.files import read_json
+from octoform.base.health_status import FILE, Status, basis, believed, worst
 from octoform.base.locks import is_locked
 
-HEALTHY, UNKNOWN, DEGRADED = "healthy", "unknown", "degraded"
-ORDER = (HEALTHY, UNKNOWN, DEGRADED, "error", "down")
-"""From best to worst, as `octoform health` has it."""
-RECORD, LOCK = "health.json", "daemon.lock"
+LOCK = "daemon.lock"
 SECONDS = 1.0
 """How long a verdict is given again: strangers may ask as often as they like."""
 MAX_BYTES = 4_000_000
@@ -35,35 +33,27 @@ class Verdict:
         self._instance = instance
         self._is_engaged = latched
         self._lacks = lacks
-        self._known: tuple[float, bool, str] | None = None
+        self._known: tuple[float, bool, Status] | None = None
 
     def __call__(self) -> str:
         """``healthy``, ``unknown``, ``degraded``, ``error`` or ``down``."""
         now, latched = time.monotonic(), self._is_engaged()
         if self._known is None or now - self._known[0] >= SECONDS or self._known[1] is not latched:
-            own = DEGRADED if latched or self._lacks() else HEALTHY
-            self._known = (now, latched, max(own, self._of_daemon(engaged=latched), key=ORDER.index))
+            own = Status.DEGRADED if latched or self._lacks() else Status.HEALTHY
+            self._known = (now, latched, worst((own, self._of_daemon(engaged=latched))))
         return self._known[2]
 
-    def _of_daemon(self, *, engaged: bool) -> str:
+    def _of_daemon(self, *, engaged: bool) -> Status:
         """The word of the daemon; ``unknown`` where none lives, or where its record is not of now."""
-        document = self._record() if self._is_alive() else None
-        if document is None:
-            return UNKNOWN
-        basis = {"instance": self._instance, "stopped": False, "latched": engaged}
-        try:
-            fresh = document["uptime"] <= boottime() <= document["until"]
-            word = document["status"] if fresh and document["basis"] == basis else UNKNOWN
-        except (LookupError, TypeError):
-            return UNKNOWN
-        return word if word in ORDER else UNKNOWN
+        here = basis(self._instance, stopped=False, engaged=engaged)
+        found = believed(self._record(), boottime(), here) if self._is_alive() else None
+        return found or Status.UNKNOWN
 
-    def _record(self) -> dict[str, Any] | None:
+    def _record(self) -> Any:
         try:
-            document = read_json(self._folder / RECORD, MAX_BYTES, follow=False, any_text=True)
+            return read_json(self._folder / FILE, MAX_BYTES, follow=False, any_text=True)
         except (OSError, ValueError):
             return None
-        return document if isinstance(document, dict) else None
 
     def _is_alive(self) -> bool:
         """True while a daemon holds its lock, which the kernel gives back however it ends."""

@@ -34,6 +34,7 @@ from starlette.routing import Route
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
+from octoform.base.health_status import Status
 from octoform.server.execution.result_size import at_least
 from octoform.server.process.descriptor import Descriptor
 from octoform.server.process.stderr_log import Throttle
@@ -41,7 +42,6 @@ from octoform.server.tunnel_termination import INSTANCE_HEADER
 
 from .addresses import Listening, listen
 from .authentication import Open, Tokens, Verifier
-from .health_verdict import HEALTHY, UNKNOWN
 from .unix_socket import is_request
 
 # Connections that cannot be held open for nothing: what uvicorn leaves out of HTTP/1.1.
@@ -223,8 +223,8 @@ class Web:
         self._open: Open | None = None
         self._listening: Listening | None = None
         self._trusted: tuple[str, ...] = ()
-        self.verdict: Callable[[], str] = lambda: UNKNOWN
-        """How the deployment is, in one word of `health_verdict`; set when the endpoint is assembled."""
+        self.verdict: Callable[[], str] = lambda: Status.UNKNOWN
+        """How the deployment is, in one word; set when the endpoint is assembled."""
         self._instance = instance
         self._app = self._made(server, tokens)
         self._guard = HostOriginGuardMiddleware(
@@ -344,7 +344,7 @@ class Web:
         except RuntimeError:  # no thread is to be had
             word = self.verdict()
         facts = {"status": word, "tools": len(self._descriptor.tools), "instance": self._instance}
-        return JSONResponse(facts, 200 if word == HEALTHY else 503, headers={"Cache-Control": "no-store"})
+        return JSONResponse(facts, 200 if word == Status.HEALTHY else 503, headers={"Cache-Control": "no-store"})
 
 
 def _session_manager(app: Starlette) -> Any:

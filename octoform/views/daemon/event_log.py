@@ -11,7 +11,8 @@ from typing import Any
 
 from octoform.apply.repair_outcome import RepairOutcome
 from octoform.base.escaping import escaped_json
-from octoform.daemon.model import Outcome, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Outcome
 from octoform.daemon.reconcile.supervisor import Cycle
 from octoform.daemon.store.incidents import Incident
 from octoform.daemon.store.incidents import to_json as episode_json

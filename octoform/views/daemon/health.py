@@ -15,8 +15,9 @@ from typing import Any
 from octoform.apply.repair_outcome import Cost, RepairOutcome, RepairVerdict
 from octoform.base.clock import parse_stamp
 from octoform.base.escaping import escaped_json
-from octoform.daemon.health import ORDER, Health, Part
-from octoform.daemon.model import Outcome, Repair, Status
+from octoform.base.health_status import ORDER, Status
+from octoform.daemon.health import Health, Part
+from octoform.daemon.model import Outcome, Repair
 from octoform.daemon.notices import Failing
 from octoform.daemon.status import OpenProblem, Survey
 from octoform.daemon.store.incidents import Incident
@@ -106,7 +107,7 @@ def document(found: Survey) -> dict[str, Any]:
 def _first(console: Console, found: Survey, now: datetime) -> None:
     """The line that has to be enough: the host, one word, since when, and the first reason."""
     status = found.health.status
-    word = console.paint(str(status).upper() if status is not Status.HEALTHY else "healthy", *STYLES[status])
+    word = console.paint(str(status) if status is Status.HEALTHY else str(status).upper(), *STYLES[status])
     worst = _worst(found)
     trouble = next((each for each in found.problems if worst is not None and each.target == worst.target), None)
     if worst is None:

@@ -1,6 +1,6 @@
 """JSON pointers: RFC 6901 and the local references of a schema."""
 
-from octoform.base.pointer import pointer, resolve
+from octoform.base.shape import pointer, resolve
 
 
 def test_a_pointer_leads_back_to_where_it_was_made() -> None:

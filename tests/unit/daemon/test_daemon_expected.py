@@ -7,12 +7,13 @@ from pathlib import Path
 
 import pytest
 
+from octoform.base.health_status import Status
 from octoform.claims.ledger import Ledger
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.claims.settings import Settings
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.health import Health, compose, snapshot, worse
-from octoform.daemon.model import Facts, Status
+from octoform.daemon.model import Facts
 from octoform.daemon.signals import current, measured
 from octoform.daemon.status_file import Bulletin
 from octoform.daemon.store.memory import Memory

@@ -6,10 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from octoform.base.health_status import Status
 from octoform.claims.model import Channel, Claim, Condition, Reading, Signal, State
 from octoform.daemon import health
 from octoform.daemon.health import HealthSnapshot, compose, snapshot, worse
-from octoform.daemon.model import Facts, Kind, LastSeen, Outcome, Status
+from octoform.daemon.model import Facts, LastSeen, Outcome
 from octoform.endpoint.process.record import Running
 
 PROCESS = Running(10, 20, ("launch",), "one", "2026-01-01T00:00:00Z", "local", None)
@@ -28,7 +29,7 @@ def claim(state: State = State.ACTIVE) -> Claim:
 
 @dataclass(frozen=True)
 class Episode:
-    kind: Kind
+    status: Status
     outcome: Outcome
     target: str = "endpoint"
     summary: str = "something"
@@ -53,7 +54,7 @@ def test_each_thing_that_is_seen_has_its_status(facts: Facts, status: Status) ->
 
 
 def test_all_seen_and_well_is_healthy() -> None:
-    found = compose(WELL, [Episode(Kind.PROCESS_DEAD, Outcome.REPAIRED)], readings=[heat(30)], expected=[HEAT])
+    found = compose(WELL, [Episode(Status.DOWN, Outcome.REPAIRED)], readings=[heat(30)], expected=[HEAT])
     assert (found.status, found.parts, found.covered, found.uncovered) == (Status.HEALTHY, (), 1, ())
 
 
@@ -76,7 +77,7 @@ def test_a_unit_that_its_owner_disabled_is_not_healthy() -> None:
 
 
 def test_what_is_wrong_is_told_before_what_is_unknown() -> None:
-    episodes = [Episode(Kind.TOOL_FAILING, Outcome.FROZEN), Episode(Kind.LOG_OVERGROWN, Outcome.OPEN)]
+    episodes = [Episode(Status.DEGRADED, Outcome.FROZEN), Episode(Status.HEALTHY, Outcome.OPEN)]
     found = compose(WELL, episodes, expected=[HEAT])
     assert [each.status for each in found.parts] == [Status.DEGRADED, Status.UNKNOWN]
 
@@ -142,5 +143,5 @@ def test_a_tool_that_failed_as_a_whole_is_covered_again_once_it_works() -> None:
 
 
 def test_what_is_seen_and_its_episode_are_told_once() -> None:
-    found = compose(replace(WELL, process=None), [Episode(Kind.PROCESS_DEAD, Outcome.OPEN)])
+    found = compose(replace(WELL, process=None), [Episode(Status.DOWN, Outcome.OPEN)])
     assert [each.why for each in found.parts] == ["its process does not run"]

@@ -7,10 +7,11 @@ from daemon_world import DaemonWorld, failed
 from prometheus_client.parser import text_string_to_metric_families
 
 from octoform.apply.repair_outcome import Cost
+from octoform.base.health_status import Status
 from octoform.daemon import metrics
 from octoform.daemon.health import Health, Part
 from octoform.daemon.metrics import Picture
-from octoform.daemon.model import Cause, Repair, Status
+from octoform.daemon.model import Cause, Repair
 from octoform.daemon.store import incidents
 
 Numbers = dict[tuple[str, tuple[tuple[str, str], ...]], float]

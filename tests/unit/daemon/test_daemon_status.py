@@ -6,16 +6,19 @@ import time
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
+from cases import for_each
 from daemon_world import DaemonWorld, failed, worked
 
 import octoform
 from octoform.apply.repair_outcome import RepairOutcome
+from octoform.base.health_status import Status, basis
 from octoform.daemon import requests
 from octoform.daemon import status as daemon_status
 from octoform.daemon.health import Health
-from octoform.daemon.model import Cause, Finding, Repair, Status
+from octoform.daemon.model import Cause, Finding, Repair
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.daemon.status import survey
 from octoform.daemon.status_file import FRESH_SECONDS
@@ -44,7 +47,9 @@ def watched(layout: Layout) -> Iterator[Layout]:
 
 def wrote(layout: Layout, health: Health, **more: object) -> None:
     layout.daemon.mkdir(parents=True, exist_ok=True)
-    (layout.daemon / "health.json").write_text(json.dumps({**health.as_json(), "waits": {}, **more}))
+    until = health.uptime + 300 + FRESH_SECONDS
+    beside = {"waits": {}, "basis": basis(None, stopped=False, engaged=False), "until": until}
+    (layout.daemon / "health.json").write_text(json.dumps({**health.as_json(), **beside, **more}))
 
 
 def health(age: float = 0.0, status: Status = Status.HEALTHY) -> Health:
@@ -84,6 +89,24 @@ def test_health_is_believed_for_an_interval_and_a_little(watched: Layout, age: f
     found, _ = survey(watched.project, {})
     assert found is not None
     assert found.looked is not is_believed
+
+
+CONTRADICTED = [
+    {"basis": basis("another start", stopped=False, engaged=False)},
+    {"basis": basis(None, stopped=True, engaged=False)},
+    {"basis": basis(None, stopped=False, engaged=True)},
+    {"basis": None},
+    {"until": None},
+    {"status": "splendid"},
+]
+
+
+@for_each("more", CONTRADICTED)
+def test_health_that_is_contradicted_or_is_no_record_is_not_believed(watched: Layout, more: dict[str, Any]) -> None:
+    wrote(watched, health(), **more)
+    found, _ = survey(watched.project, {})
+    assert found is not None
+    assert found.looked
 
 
 def test_a_daemon_that_can_write_nothing_down_is_not_believed(watched: Layout, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -166,7 +189,7 @@ def test_what_a_person_holds_back_is_told_with_its_command(watched: Layout) -> N
     watched.stop_mark.write_text('{"by": "kim"}')
     (watched.run / "estop.json").write_text("{}")
     instance_lock.pause(watched, "2026-11-22T03:00:00Z")
-    wrote(watched, replace(health(), pending=("c3",)))
+    wrote(watched, replace(health(), pending=("c3",)), basis=basis(None, stopped=True, engaged=True))
     found, _ = survey(watched.project, {})
     assert found is not None
     assert [command for command, _ in found.todo] == [

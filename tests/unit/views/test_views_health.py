@@ -8,8 +8,9 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.base.health_status import Status
 from octoform.daemon.health import Health, Part
-from octoform.daemon.model import FaultClass, Kind, Outcome, Status
+from octoform.daemon.model import FaultClass, Kind, Outcome
 from octoform.daemon.notices import Failing
 from octoform.daemon.status import OpenProblem, Survey
 from octoform.daemon.store.incidents import Incident

@@ -8,8 +8,8 @@ from typing import Any
 
 import pytest
 
+from octoform.base.health_status import Status as Verdict
 from octoform.daemon.health import Health, Part
-from octoform.daemon.model import Status as Verdict
 from octoform.daemon.status import Survey
 from octoform.daemon.store.instance_lock import Record
 from octoform.endpoint.process.record import Running

@@ -12,8 +12,8 @@ from collections.abc import Collection, Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_in
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.movement_words import is_time, within_answer
 from octoform.contracts.name_clues import tokens

@@ -9,8 +9,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_of_text
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, ProfileFacts, Rule
 from octoform.contracts.movement_words import names_unit, unknown_units
 from octoform.contracts.name_clues import tokens

@@ -8,7 +8,7 @@ import operator
 from collections import defaultdict
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.device_kinds import RAW, speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import is_chip_name, is_filler, same_act, tokens

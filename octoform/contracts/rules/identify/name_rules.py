@@ -11,7 +11,7 @@ import re
 from collections.abc import Iterable
 
 from octoform.base.escaping import display
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.device_kinds import INPUT_KINDS, INPUTS, KINDS, RAW, SAME_KIND, speaks_bytes
 from octoform.contracts.device_kinds import visible_kinds as ways_of
 from octoform.contracts.model import Artifacts, JsonObject, Rule

@@ -11,8 +11,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
 from octoform.base.quantities import is_possible, unit_in, unit_of_name, unit_of_text
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import changes, is_passthrough, offers_a_pipe, raw_parameter, tokens
 from octoform.contracts.rules.interface.parameter_rules import strings_of, takes_a_program, unfit

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.device_kinds import speaks_bytes
 from octoform.contracts.model import Artifacts, JsonObject, ProfileFacts, Rule
 from octoform.contracts.movement_words import unknown_units

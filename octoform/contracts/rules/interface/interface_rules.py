@@ -9,7 +9,7 @@ import re
 from collections import defaultdict
 
 from octoform.base.escaping import display, escaped, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.name_clues import is_class_word, is_filler, same_action, tokens
 from octoform.contracts.rules import raw_line_rules

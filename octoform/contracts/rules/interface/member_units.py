@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, escaped
-from octoform.base.pointer import pointer
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of
 from octoform.contracts.name_clues import tokens
 from octoform.contracts.rules.interface.subject_rules import known_text

@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule
 from octoform.contracts.name_clues import changes, tokens
 from octoform.contracts.name_words import word_set

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from octoform.base.escaping import display, listed
-from octoform.base.pointer import pointer
+from octoform.base.shape import pointer
 from octoform.contracts.model import Artifacts, JsonObject, Rule, described, does_stop
 from octoform.contracts.movement_words import spoken, unknown_units, within_answer
 from octoform.contracts.rules.interface.bound_rules import parameters_of

@@ -15,8 +15,8 @@ from jsonschema.exceptions import SchemaError, best_match
 
 from octoform.base.escaping import display, listed
 from octoform.base.files import parse
-from octoform.base.pointer import pointer, resolve
 from octoform.base.quantities import unit_in, unit_of_name, unit_of_text
+from octoform.base.shape import pointer, resolve
 from octoform.contracts.model import Artifacts, JsonObject, Rule, effects_of, is_graver
 from octoform.contracts.rules.interface.bound_rules import listed_of, sample_too_long
 from octoform.contracts.rules.interface.member_units import units_of_quantity

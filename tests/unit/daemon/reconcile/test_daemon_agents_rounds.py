@@ -8,8 +8,9 @@ import pytest
 from daemon_world import DaemonWorld, failed, first, worked
 
 from octoform.apply.repair_outcome import Cost, RepairOutcome
+from octoform.base.health_status import Status
 from octoform.claims.model import State
-from octoform.daemon.model import Cause, Finding, Outcome, Repair, Status
+from octoform.daemon.model import Cause, Finding, Outcome, Repair
 from octoform.daemon.store import instance_lock
 
 TOOL = "read_joints"

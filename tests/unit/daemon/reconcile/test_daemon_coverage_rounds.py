@@ -6,9 +6,10 @@ from pathlib import Path
 import pytest
 from daemon_world import INTERVAL, DaemonWorld
 
+from octoform.base.health_status import Status
 from octoform.claims.model import Channel, Reading, Signal
 from octoform.daemon import signals as expected_signals
-from octoform.daemon.model import Cause, Status
+from octoform.daemon.model import Cause
 from octoform.daemon.reconcile.bench import AtOnce, Ended, Task, Work
 
 VOLTS, HEAT = ("status", "/volts"), ("arm", "/heat")

@@ -8,8 +8,9 @@ import pytest
 from daemon_world import INTERVAL, DaemonWorld, failed, first, worked
 
 from octoform.apply.repair_outcome import RepairOutcome
+from octoform.base.health_status import Status
 from octoform.claims.model import Channel, Reading, Signal
-from octoform.daemon.model import Cause, Facts, Finding, LastSeen, Repair, Status
+from octoform.daemon.model import Cause, Facts, Finding, LastSeen, Repair
 from octoform.daemon.reconcile.bench import AtOnce, Ended
 
 SOURCES = ("read_joints",)

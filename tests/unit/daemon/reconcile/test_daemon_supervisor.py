@@ -6,7 +6,8 @@ import pytest
 from daemon_world import DaemonWorld, failed, first, worked
 
 from octoform.apply.repair_outcome import Cost, RepairOutcome
-from octoform.daemon.model import Cause, Finding, LastSeen, Outcome, Repair, Status
+from octoform.base.health_status import Status
+from octoform.daemon.model import Cause, Finding, LastSeen, Outcome, Repair
 from octoform.daemon.store import instance_lock
 from octoform.manifest.model import Daemon
 
