@@ -21,7 +21,7 @@ import octoform
 from octoform.apply import file_integrity
 from octoform.apply.context import CANDIDATE, HEALED, Context
 from octoform.apply.project_files import Gaps, led_to, names_in
-from octoform.base.files import opened, read, walk
+from octoform.base.files import opened, walk
 from octoform.base.locks import acquire
 from octoform.diagnostics import Diagnostic, warning
 from octoform.endpoint.access.tokens import RECORD as TOKENS
@@ -41,7 +41,7 @@ from octoform.harness.port import Task
 from octoform.manifest.model import FILE_NAME
 from octoform.records import dataclass, replace
 from octoform.state import attempts
-from octoform.state.git_access import head_revision, on_branch, repository
+from octoform.state.git_access import head_revision, on_branch, repository, shared_folder
 from octoform.state.git_repository import configuration_files
 from octoform.state.layout import Layout
 from octoform.state.store.lock import is_locked
@@ -225,7 +225,8 @@ def _git(folder: Path) -> Places:
 
     Not what a commit or a fetch of the person's moves: references, the index.
     """
-    shared = _shared(folder)
+    common = shared_folder(folder)
+    shared = folder if common == folder else common.resolve()
     modules = _modules(shared / "modules")
     files: list[Path] = []
     folders: list[Path] = []
@@ -335,14 +336,6 @@ def _units(layout: Layout, environ: Mapping[str, str]) -> Iterator[Path]:
         yield path.with_name(f"{path.name}.d")
         yield path.with_name("service.d")
         yield path.parents[2] / "environment.d"
-
-
-def _shared(folder: Path) -> Path:
-    """Where a working tree's repository keeps what its trees have in common (gitrepository-layout(5))."""
-    try:
-        return (folder / read(folder / "commondir", 4096).decode().strip()).resolve()
-    except (OSError, ValueError):
-        return folder
 
 
 UNDONE = "undone"

@@ -113,10 +113,15 @@ def repository(project: Path) -> Repository | None:
     return None
 
 
+def shared_folder(folder: Path) -> Path:
+    """Where a repository keeps what its working trees have in common (gitrepository-layout(5)); ``folder`` is one's."""
+    shared = _line(folder / "commondir")
+    return folder / shared if shared is not None else folder
+
+
 def _reference(folder: Path, name: str) -> str | None:
     """A ref's text: of this worktree, else of the repository that it shares, loose before packed."""
-    shared = _line(folder / "commondir")
-    common = folder / shared if shared is not None else folder
+    common = shared_folder(folder)
     return _line(folder / name) or _line(common / name) or _packed(common, name)
 
 
@@ -213,8 +218,7 @@ def _blocking(root: Path) -> str | None:
     found = repository(root)
     if found is None:
         return None
-    shared = _line(found.folder / "commondir")
-    for start in (found.folder, *([found.folder / shared] if shared is not None else [])):
+    for start in dict.fromkeys((found.folder, shared_folder(found.folder))):
         for place, folders, files in os.walk(start):
             if os.path.basename(place) == "objects":  # noqa: PTH119 - there may be thousands
                 folders[:] = [name for name in folders if name in ("info", "pack")]

@@ -32,6 +32,7 @@ IDEAS = {
     "a lock on a file": (r"\b(?:flock|lockf)\(", "base/locks.py"),
     "a token of a JSON pointer": (r"'~0'", "base/shape.py"),
     "the escape of a character": (r"\\\\[xuU]\{", "base/escaping.py"),
+    "what lies in a repository's own files": (r"'packed-refs'|/ 'commondir'|'gitdir: '|'ref: '", "state/git_access.py"),
     "the words for health": (r"'healthy'", "base/health_status.py"),
     "whether a record of health is of now": (r"<= \w+\['until'\]", "base/health_status.py"),
     "the key part of a consumed output": (r"'input\.'|f'input\.\{", "graph/model.py"),
@@ -45,7 +46,8 @@ SERVED = re.compile(r"\b(?:fastmcp|pydantic|opencv-python-headless|pyserial|typi
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
-    r"|boot_id|['\"]deploy['\"]: |['\"]healthy|['\"]until|key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
+    r"|boot_id|['\"]deploy['\"]: |packed-refs|commondir|gitdir: |['\"]ref: |['\"]healthy|['\"]until"
+    r"|key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
 )
 
 
@@ -128,6 +130,19 @@ def test_no_module_compiles_an_expression_at_its_import() -> None:
     found = {path.name: compiled_at_import(source) for path, source in sources.items() if "re.compile(" in source}
     assert {name: lines for name, lines in found.items() if lines} == {}
     assert compiled_at_import("A = re.compile('a')\ndef f():\n    re.compile('b')\nB = (re.compile('c'),)") == [1, 4]
+
+
+def test_the_packages_that_the_owner_chose_are_named_where_they_are_needed() -> None:
+    project = tomllib.loads((TOP / "pyproject.toml").read_text())["project"]
+    places = {"": project["dependencies"], **project["optional-dependencies"]}
+    named = {(place, Requirement(text).name.lower()) for place, texts in places.items() for text in texts}
+    assert {("", name) for name in ("pydantic", "jsonschema", "ruamel.yaml", "jinja2", "gitpython")} <= named
+    assert {("serving", name) for name in ("fastmcp", "pyserial", "opencv-python-headless")} <= named
+    assert {("litellm", "litellm"), ("dev", "pytest")} <= named
+    optional = {"litellm", "fastmcp", "pyserial", "opencv-python-headless"}
+    elsewhere = {(place, name) for place, name in named if name in optional} - {(name, name) for name in optional}
+    # The tests' client is a package of the extra, of which they do not need the rest.
+    assert elsewhere == {("serving", name) for name in optional - {"litellm"}} | {("dev", "fastmcp")}
 
 
 def test_the_ranges_of_served_packages_are_those_of_the_extra() -> None:
