@@ -273,7 +273,7 @@ def _tools_of(ground: Ground) -> list[dict[str, Any]]:
     """The tools that the step is about: its device's, the cameras' where nothing moves, else all."""
     interface = ground.known.interface or {"tools": []}
     if ground.step.proof.kind == FRAME:
-        seeing = {camera.tool for camera in ground.cameras}
+        seeing = {camera.call.tool for camera in ground.cameras}
         return [tool for tool in interface["tools"] if tool["name"] in seeing]
     return [tool for tool in interface["tools"] if ground.device is None or ground.device in tool["devices"]]
 

@@ -9,7 +9,8 @@ from typing import Any, Protocol
 
 from octoform.base.shape import resolve
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client.terminal import NoTerminal, Wanted, call
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import NoTerminal, call
 from octoform.perception.capture import Picture, take
 from octoform.records import dataclass
 from octoform.state.layout import Layout
@@ -68,7 +69,7 @@ class LiveHand:
 
     def call(self, tool: str, arguments: Mapping[str, Any]) -> ToolAnswer:
         """Call a tool as a client; the endpoint is started when nothing runs."""
-        wanted = Wanted(tool, dict(arguments), seconds=CALL_SECONDS, approved=True)
+        wanted = ToolCall(tool, dict(arguments), seconds=CALL_SECONDS, approved=True)
         result, found = call(self._layout, wanted, _Beforehand())
         if result is None:
             problem = found[0]
@@ -83,7 +84,7 @@ class LiveHand:
 
     def look(self, view: Mapping[str, Any]) -> Seen:
         """Take a picture and have it decoded in the serving environment."""
-        taken = take(self._layout, view, _Beforehand())
+        taken = take(self._layout, ToolCall(view["tool"], view["arguments"]), _Beforehand())
         if isinstance(taken, Diagnostic):
             return Seen(None, words=f"{taken.summary}: {taken.detail}" if taken.detail else taken.summary)
         return Seen(taken.picture, taken.data, taken.mime)

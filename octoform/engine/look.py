@@ -13,6 +13,7 @@ from pydantic import ValidationError
 from octoform.apply.context import Clock
 from octoform.contracts.artifact_parser import parse
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.terminal import Person
 from octoform.engine.plan.configuration import Compiled, compile_project
 from octoform.engine.plan.refresh import artifacts_there
@@ -30,7 +31,7 @@ PERCEIVE = "step.perceive"
 _STAGES = ("probe", "identify", "interface")
 REPEAT_SECONDS = 2.0
 """Seconds between the pictures that show whether a camera is frozen, once it gave the same one twice."""
-Take = Callable[[Layout, Mapping[str, Any], Person | None], Taken | Diagnostic]
+Take = Callable[[Layout, ToolCall, Person | None], Taken | Diagnostic]
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +108,7 @@ def _look(eye: Eye, person: Person | None, clock: Clock, take: Take) -> Look:
     if eye.camera is None:
         outcome = eye.blind or error("PERCEPTION-NO-CAMERA", "there is no camera")
     else:
-        outcome = take(eye.layout, eye.camera.model_dump(), person)
+        outcome = take(eye.layout, ToolCall(eye.camera.tool, eye.camera.arguments), person)
     at = clock.stamp()
     record, found = keep(eye.layout, eye.camera.model_dump() if eye.camera else {}, outcome, at)
     return Look(at, eye.camera, outcome, record, tuple(found))
@@ -159,7 +160,7 @@ def _chosen(
 
 
 def _call(camera: camera_selection.Camera) -> Camera:
-    return Camera(device=camera.device, tool=camera.tool, arguments=dict(camera.arguments))
+    return Camera(device=camera.device, tool=camera.call.tool, arguments=dict(camera.call.arguments))
 
 
 def _proved(layout: Layout) -> tuple[Camera | None, list[Diagnostic]]:

@@ -6,30 +6,15 @@ from typing import Any
 
 from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error, has_errors
-from octoform.endpoint.client.terminal import CallResult, Person, Wanted, list_tools, save_media, unknown_tool
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import CallResult, Person, list_tools, save_media, unknown_tool
 from octoform.endpoint.client.terminal import call as call_tool
 from octoform.endpoint.expected_tools import promised
 from octoform.endpoint.published_files import CHECK, read_policy
 from octoform.engine.plan import memo
-from octoform.records import dataclass
+from octoform.records import dataclass, replace
 from octoform.state.files import foreign, read_regular
 from octoform.state.layout import Layout
-
-
-@dataclass(frozen=True, slots=True)
-class Request:
-    """A call as a command line has it: ``name=value`` pairs and one JSON object; ``seconds`` for its answer.
-
-    ``revive``: an endpoint that a person stopped is started.
-    """
-
-    tool: str
-    pairs: Sequence[str] = ()
-    document: str | None = None
-    seconds: float = 60.0
-    dry_run: bool = False
-    approved: bool = False
-    revive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,18 +60,26 @@ def tools(
 
 
 def call(
-    project: Path, environ: Mapping[str, str], request: Request, person: Person | None = None
+    project: Path,
+    environ: Mapping[str, str],
+    wanted: ToolCall,
+    person: Person | None = None,
+    *,
+    pairs: Sequence[str] = (),
+    document: str | None = None,
 ) -> tuple[SavedAnswer | None, list[Diagnostic]]:
-    """Call a tool; media go to files in the working folder's .octoform."""
-    given, texts, found = _arguments(request.pairs, request.document)
+    """Call a tool, with arguments as a command line has them: ``name=value`` pairs and one JSON object.
+
+    Media go to files in the working folder's .octoform.
+    """
+    given, texts, found = _arguments(pairs, document)
     layout, more = layout_of(project, environ)
     if layout is None or found:
         return None, [*found, *more]
-    wanted = Wanted(request.tool, given, texts, request.seconds, request.dry_run, request.approved, request.revive)
-    result, problems = call_tool(layout, wanted, person)
+    result, problems = call_tool(layout, replace(wanted, arguments=given, texts=texts), person)
     if result is None:
         return None, list(problems)
-    saved, more = save_media(result.content, layout.local / "results", request.tool)
+    saved, more = save_media(result.content, layout.local / "results", wanted.tool)
     return SavedAnswer(result, tuple(saved)), more
 
 

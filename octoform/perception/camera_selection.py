@@ -5,12 +5,12 @@ machine looks at the person in front of it and not at the bench.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict
 from typing import Any
 
 from octoform.contracts.name_clues import same_action
 from octoform.contracts.rules.topology_rules import sharing
 from octoform.endpoint.client.check import sample_arguments
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.records import dataclass
 
 _CAPTURE = same_action("capture_image")
@@ -28,20 +28,21 @@ class Camera:
     """
 
     device: str
-    tool: str
-    arguments: Mapping[str, Any]
+    call: ToolCall
     hub_shared_with: tuple[str, ...] = ()
     built_in: bool = False
     hint: bool = False
 
     def to_json(self) -> dict[str, Any]:
         """The form in which an agent is notified of it."""
-        return {**asdict(self), "arguments": dict(self.arguments), "hub_shared_with": list(self.hub_shared_with)}
-
-    @property
-    def view(self) -> dict[str, Any]:
-        """The call of a camera's tool: ``{"tool", "arguments"}``."""
-        return {"tool": self.tool, "arguments": dict(self.arguments)}
+        return {
+            "device": self.device,
+            "tool": self.call.tool,
+            "arguments": dict(self.call.arguments),
+            "hub_shared_with": list(self.hub_shared_with),
+            "built_in": self.built_in,
+            "hint": self.hint,
+        }
 
 
 def cameras(
@@ -67,7 +68,7 @@ def cameras(
             if device in annotated and device not in found and arguments is not None:
                 shared = tuple(sorted({other for other, _ in sharing(device, annotated.values(), probed)} - {device}))
                 built_in = _is_built_in(probed.get(device, {}))
-                found[device] = Camera(device, tool["name"], arguments, shared, built_in, device == hint)
+                found[device] = Camera(device, ToolCall(tool["name"], arguments), shared, built_in, device == hint)
     return tuple(found[device] for device in sorted(found))
 
 

@@ -7,7 +7,7 @@ it.
 import base64
 import binascii
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from itertools import compress
 from operator import mul
 from pathlib import Path
@@ -18,9 +18,10 @@ from octoform.base.files import parse
 from octoform.diagnostics import Diagnostic, error
 from octoform.endpoint.bounded_program import ForkServer, base_environment, run
 from octoform.endpoint.client.check_verdict import UNIFORM_SPREAD
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.sdk_client import recorded_environment
-from octoform.endpoint.client.terminal import CallResult, Person, Wanted, call
-from octoform.records import dataclass
+from octoform.endpoint.client.terminal import CallResult, Person, call
+from octoform.records import dataclass, replace
 from octoform.state.layout import Layout
 
 # What a picture shows of its camera: whether it shows anything, is a new one, and differs from another.
@@ -215,15 +216,15 @@ class Taken:
     height: int
 
 
-def take(layout: Layout, view: Mapping[str, Any], person: Person | None = None) -> Taken | Diagnostic:
-    """Take one picture with the tool of ``view`` (``{"tool", "arguments"}``); the endpoint is started if need be.
+def take(layout: Layout, view: ToolCall, person: Person | None = None) -> Taken | Diagnostic:
+    """Take one picture with a call of a camera's tool; the endpoint is started if need be.
 
     The diagnostic shows why there is none: an ENDPOINT code where the call was not answered, PERCEPTION-TOOL-FAILED
     where the tool gave the reason, PERCEPTION-NO-PICTURE and PERCEPTION-BROKEN-PICTURE for its answer,
     PERCEPTION-NOT-DECODED where nothing can look into it.
     """
-    tool = str(view["tool"])
-    result, found = call(layout, Wanted(tool, dict(view.get("arguments") or {}), seconds=LOOK_SECONDS), person)
+    tool = view.tool
+    result, found = call(layout, replace(view, seconds=LOOK_SECONDS), person)
     if result is None:
         return found[0]
     media = picture_of(tool, result)

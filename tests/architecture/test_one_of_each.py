@@ -262,3 +262,40 @@ def test_what_was_typed_is_read_with_its_types() -> None:
 def test_the_rule_sees_arguments_without_types(line: str) -> None:
     assert untyped_arguments(line) != []
     assert untyped_arguments("given = parser.parse_args(words, namespace=Given())") == []
+
+
+# Who has the name of a tool beside arguments, and is not a call on its way to the endpoint.
+OTHER_CARRIERS = {
+    "claims/model.py": ["Restriction"],  # calls that are forbidden, by values of some arguments
+    "harness/react/agent_tools.py": ["Ready"],  # a tool of an agent, on its own files
+    "perception/frames.py": ["Camera"],  # the record of a picture, as it lies on disk
+    "server/restrictions.py": ["Subject", "Entry"],  # what a restriction is asked about, and what is restricted
+}
+
+
+def carriers(source: str) -> list[str]:
+    """The classes with a field for a tool and one for its arguments, typed or given in ``__init__``."""
+    found = []
+    for node in parsed.nodes(source):
+        if isinstance(node, ast.ClassDef):
+            fields = {
+                each.target.id
+                for each in node.body
+                if isinstance(each, ast.AnnAssign) and isinstance(each.target, ast.Name)
+            }
+            inits = [each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__"]
+            fields |= {argument.arg for each in inits for argument in (*each.args.args, *each.args.kwonlyargs)}
+            found += [node.name] if "tool" in fields and fields & {"arguments", "pairs", "given", "params"} else []
+    return found
+
+
+def test_a_call_has_one_type_from_the_command_line_to_the_gate() -> None:
+    found = {path.relative_to(ROOT).as_posix(): carriers(path.read_text()) for path in FILES}
+    assert {name: names for name, names in found.items() if names} == {
+        "endpoint/client/jsonrpc.py": ["ToolCall"],
+        **OTHER_CARRIERS,
+    }
+    assert carriers("class A:\n  tool: str\n  pairs: list\nclass B:\n  def __init__(self, tool, given): ...\n") == [
+        "A",
+        "B",
+    ]

@@ -20,7 +20,8 @@ from projects import OCTOFORM, Project
 from replugged import Host
 
 from octoform.base.digest import of_bytes
-from octoform.endpoint.client.terminal import Wanted, call
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import call
 from octoform.endpoint.environment.model import packages_of
 from octoform.endpoint.process import record
 from octoform.endpoint.process.record import Running, running
@@ -131,7 +132,7 @@ class Bench:
         """Whether a call works, and its text; the endpoint is not started for it."""
         if self.process() is None:
             return False, "nothing runs"
-        done, problems = call(self.layout, Wanted(tool, arguments, seconds=seconds))
+        done, problems = call(self.layout, ToolCall(tool, arguments, seconds=seconds))
         if done is None:
             return False, "; ".join(each.summary for each in problems)
         return not done.is_error, str((done.structured or {}).get("text", done.message))

@@ -14,7 +14,8 @@ from hosts.plant import plant
 from projects import Project
 from rig.rail import DEVICE, HOST
 
-from octoform.endpoint.client.terminal import Wanted, call
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import call
 from octoform.simulation.rig import Port
 from octoform.state.layout import Layout
 
@@ -91,7 +92,7 @@ class Bench:
 
     def ask(self, tool: str, **arguments: object) -> tuple[bool, object]:
         """Whether a call goes well, and the answer to the client."""
-        result, found = call(Layout(self.project.folder, self.project.host), Wanted(tool, arguments))
+        result, found = call(Layout(self.project.folder, self.project.host), ToolCall(tool, arguments))
         assert result is not None, found
         return not result.is_error, result.message if result.is_error else result.structured
 
@@ -146,7 +147,7 @@ def test_a_boolean_goes_out_as_its_word_and_what_is_not_acknowledged_is_told_so(
         assert bench.ask("heater_switch", on=on) == (True, fields)
     assert bench.heater.lines == ["HEAT ON", "HEAT OFF"] and not bench.heater.heats
     layout = Layout(bench.project.folder, bench.project.host)
-    result, (found,) = call(layout, Wanted("heater_switch", {"on": "OFF; HEAT ON"}))
+    result, (found,) = call(layout, ToolCall("heater_switch", {"on": "OFF; HEAT ON"}))
     assert result is None and found.code == "ENDPOINT-BAD-ARGUMENT"
     assert bench.heater.lines == ["HEAT ON", "HEAT OFF"]
 

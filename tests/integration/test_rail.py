@@ -27,7 +27,8 @@ from octoform.claims.settings import settings_of
 from octoform.daemon.evidence import Evidence
 from octoform.daemon.observe.clock_jumps import SystemClock
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client.terminal import CallResult, Wanted, call
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import CallResult, call
 from octoform.engine.unattended.heal import heal
 from octoform.engine.unattended.session import diagnose
 from octoform.state.layout import Layout
@@ -49,7 +50,7 @@ class Bench:
 
     def ask(self, tool: str, **arguments: object) -> tuple[CallResult | None, tuple[Diagnostic, ...]]:
         """What comes of a call, as any client would make it."""
-        return call(Layout(self.project.folder, self.project.host), Wanted(tool, arguments))
+        return call(Layout(self.project.folder, self.project.host), ToolCall(tool, arguments))
 
     def call(self, tool: str, **arguments: object) -> dict[str, object]:
         """The result of a call that goes well."""

@@ -18,6 +18,7 @@ from fastmcp.client.transports import StdioTransport
 from projects import OCTOFORM, Project
 
 from octoform.endpoint.bounded_program import ForkServer, run
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.sdk_client import recorded_environment
 from octoform.perception.capture import Picture, Taken, difference, take
 from octoform.simulation.rig import Rig, load
@@ -62,7 +63,7 @@ class Bench:
 
     def picture(self) -> Picture:
         """What the camera shows through the endpoint, as small as it is compared."""
-        taken = take(self.layout, {"tool": "capture_image", "arguments": SIZE})
+        taken = take(self.layout, ToolCall("capture_image", SIZE))
         assert isinstance(taken, Taken), taken
         return taken.picture
 

@@ -67,7 +67,8 @@ class CallArguments(Arguments):
 
 def run_call(arguments: CallArguments, run: Run) -> int:
     """Exit code 1 when the tool answered with an error."""
-    from octoform.engine.tools import Request, answered, call, example, tools
+    from octoform.endpoint.client.jsonrpc import ToolCall
+    from octoform.engine.tools import answered, call, example, tools
     from octoform.views.endpoint import tools as view
 
     tool, pairs, document = arguments.tool, arguments.arg, arguments.json_arguments or None
@@ -88,10 +89,11 @@ def run_call(arguments: CallArguments, run: Run) -> int:
         typed = shlex.join([tool, *(word for pair in pairs for word in ("-arg", pair))])
         run.screen.problem(f"octoform: an example: octoform call {typed}")
     approved = arguments.auto_approve
-    request = Request(tool, pairs, document, arguments.timeout, arguments.dry_run, approved, arguments.start)
+    seconds, dry_run, revive = arguments.timeout, arguments.dry_run, arguments.start
+    wanted = ToolCall(tool, seconds=seconds, dry_run=dry_run, approved=approved, revive=revive)
     run.ending = f"the call of {tool} was given up"
     with view.attended(run.screen, approved=approved) as person:
-        answer = call(*run.here, request, person)
+        answer = call(*run.here, wanted, person, pairs=pairs, document=document)
     return run.answer(
         answer, lambda screen, made, as_json: view.answer(screen, tool, made, as_json=as_json), noted=True
     )

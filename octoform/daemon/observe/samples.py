@@ -14,12 +14,11 @@ from octoform.base.escaping import escaped
 from octoform.base.shape import step
 from octoform.claims.model import Channel, Reading, Signal, Value
 from octoform.diagnostics import Diagnostic
-from octoform.endpoint.client.jsonrpc import Wire, WireError, sender
+from octoform.endpoint.client.jsonrpc import ToolCall, Wire, WireError, sender
 from octoform.endpoint.dial import knock
 from octoform.endpoint.expected_tools import hidden, promised, untried
 from octoform.endpoint.process.record import running
 from octoform.patterns import regex
-from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 NAME = "octoform watch"
@@ -44,17 +43,10 @@ Make = Callable[[Signal, Value, str], Reading]
 """Makes a reading with an id and its times: `octoform.claims.ledger.Ledger.make`."""
 
 
-@dataclass(frozen=True, slots=True)
-class Probe:
-    """One call that gives readings; ``device`` where the tool serves several, None where no argument is needed."""
-
-    tool: str
-    device: str | None = None
-
-    @property
-    def source(self) -> str:
-        """The source of its signals: ``joints``, or ``read_temperature(hwmon-k10temp)``."""
-        return self.tool if self.device is None else f"{self.tool}({_text(self.device)})"
+def source_of(call: ToolCall) -> str:
+    """The source of a call's signals: ``joints``, or ``read_temperature(hwmon-k10temp)`` where it names a device."""
+    device = call.arguments.get(DEVICE)
+    return call.tool if device is None else f"{call.tool}({_text(device)})"
 
 
 def tool_of(source: str) -> str:
@@ -84,23 +76,22 @@ class Sensors:
         finally:
             wire.close()
 
-    def probes(self) -> list[Probe]:
+    def probes(self) -> list[ToolCall]:
         """The calls that are made, in order; tools whose result was a picture are called no more."""
         unseen = hidden(self._layout) | untried(self._layout) | self._pictures
         known = promised(self._layout).items()
         tools = [(name, tool) for name, tool in known if name not in unseen and is_sensor(tool)]
-        return sorted((Probe(name, device) for name, tool in tools for device in _devices(tool)), key=_order)
+        return sorted((_call(name, device) for name, tool in tools for device in _devices(tool)), key=_order)
 
     def promised(self) -> frozenset[Signal]:
         """The signals that these calls ought to report, without a path."""
-        return frozenset(Signal(Channel.SENSOR, each.source, "") for each in self.probes())
+        return frozenset(Signal(Channel.SENSOR, source_of(each), "") for each in self.probes())
 
-    def _read(self, wire: Wire, probe: Probe) -> Iterator[Reading]:
+    def _read(self, wire: Wire, probe: ToolCall) -> Iterator[Reading]:
         if probe.tool in self._pictures:  # it gave one of another device a moment ago
             return
-        params = {"name": probe.tool, "arguments": {} if probe.device is None else {DEVICE: probe.device}}
         try:
-            result = wire.ask("tools/call", params, CALL_SECONDS, meta=sender(NAME))
+            result = wire.ask("tools/call", probe.params, probe.seconds, meta=sender(NAME))
         except WireError as problem:
             yield self._nothing(probe, str(problem))
             return
@@ -118,10 +109,14 @@ class Sensors:
         else:
             leaves = list(flattened(structured)) or [("", EMPTY, "")]
             for path, value, why in leaves:
-                yield self._make(Signal(Channel.SENSOR, probe.source, path), value, why)
+                yield self._make(Signal(Channel.SENSOR, source_of(probe), path), value, why)
 
-    def _nothing(self, probe: Probe, why: str) -> Reading:
-        return self._make(Signal(Channel.SENSOR, probe.source, ""), None, _text(why))
+    def _nothing(self, probe: ToolCall, why: str) -> Reading:
+        return self._make(Signal(Channel.SENSOR, source_of(probe), ""), None, _text(why))
+
+
+def _call(tool: str, device: str | None) -> ToolCall:
+    return ToolCall(tool, {} if device is None else {DEVICE: device}, seconds=CALL_SECONDS)
 
 
 def is_sensor(tool: Mapping[str, Any]) -> bool:
@@ -148,8 +143,8 @@ def _devices(tool: Mapping[str, Any]) -> list[str | None]:
     return [name for name in dict.fromkeys(listed or ()) if isinstance(name, str)]
 
 
-def _order(probe: Probe) -> tuple[str, str]:
-    return probe.tool, probe.device or ""
+def _order(probe: ToolCall) -> tuple[str, str]:
+    return probe.tool, str(probe.arguments.get(DEVICE, ""))
 
 
 def flattened(value: object) -> Iterator[tuple[str, Value, str]]:

@@ -16,7 +16,8 @@ from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import ForkServer
 from octoform.endpoint.client.check_verdict import CheckReport, SampleCallResult, judge_check
-from octoform.endpoint.client.sdk_client import Call, ClientReport, converse, recorded_environment
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.sdk_client import ClientReport, converse, recorded_environment
 from octoform.endpoint.expected_tools import untried
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
 from octoform.endpoint.policy import LINE
@@ -33,11 +34,12 @@ _SIMPLE: dict[str, Any] = {"boolean": False, "array": [], "object": {}, "null": 
 
 @dataclass(frozen=True, slots=True)
 class SampleCall:
-    """A call to make. ``device`` is None where the tool does not say which; ``arguments`` where none are harmless."""
+    """A call to make of a tool; None where no harmless arguments are known. ``device`` is None where the tool does not
+    say which."""
 
     tool: str
     device: str | None
-    arguments: dict[str, Any] | None
+    call: ToolCall | None
 
 
 def sample_calls(tool: Mapping[str, Any]) -> list[SampleCall]:
@@ -46,9 +48,10 @@ def sample_calls(tool: Mapping[str, Any]) -> list[SampleCall]:
     listed = tool["input_schema"].get("properties", {}).get("device", {}).get("enum", ())
     devices = [value for value in listed if isinstance(value, str)]
     if given is not None and len(devices) > 1:
-        return [SampleCall(name, device, {**given, "device": device}) for device in devices]
+        return [SampleCall(name, device, ToolCall(name, {**given, "device": device})) for device in devices]
     only = tool.get("devices") or (None,)
-    return [SampleCall(name, only[0] if len(only) == 1 else None, given)]
+    call = ToolCall(name, given) if given is not None else None
+    return [SampleCall(name, only[0] if len(only) == 1 else None, call)]
 
 
 def sample_arguments(tool: Mapping[str, Any]) -> dict[str, Any] | None:
@@ -133,9 +136,7 @@ def check(
     asked = untried(layout)
     wanted = [trial for tool in readers if tool["name"] not in asked for trial in sample_calls(tool)]
     left = tuple(SampleCallResult(tool["name"], ok=False, skipped=LINE) for tool in readers if tool["name"] in asked)
-    calls = [
-        Call(trial.tool, trial.arguments, call_seconds, REPEATED) for trial in wanted if trial.arguments is not None
-    ]
+    calls = [replace(trial.call, seconds=call_seconds) for trial in wanted if trial.call is not None]
     until = time.monotonic() + seconds
     ForkServer.at(environment.python)  # it loads while the endpoint does
     process, problem = start(layout)
@@ -143,7 +144,7 @@ def check(
         report = CheckReport(False, describe(problem) if problem else None, None, None, (), (), 0.0)
         return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
     position = mark(layout.call_log)
-    seen = converse(layout, environment, calls, mode=mode, seconds=max(0.0, until - time.monotonic()))
+    seen = converse(layout, environment, calls, again=REPEATED, mode=mode, seconds=max(0.0, until - time.monotonic()))
     report = _report(seen, wanted, calls_after(layout.call_log, position))
     report = replace(report, calls=(*report.calls, *left), survivors=clear_left(process, spare=True))
     return replace(report, unrecorded=write_atomic(layout.endpoint / CHECK, _record(report), 0o600))
@@ -156,7 +157,7 @@ def describe(problem: Diagnostic) -> str:
 
 def _report(seen: ClientReport, wanted: Sequence[SampleCall], logged: Sequence[LoggedCall]) -> CheckReport:
     answers, log = iter(seen.calls), _Log(logged)
-    taken = [(trial, next(answers, None) if trial.arguments is not None else None) for trial in wanted]
+    taken = [(trial, next(answers, None) if trial.call is not None else None) for trial in wanted]
     firsts = [(trial, answer, log.of(answer) if answer else None) for trial, answer in taken]
     again = _repeated(taken, log)
     calls = [_sample(*first, again.get(index, ()), seen.answered) for index, first in enumerate(firsts)]

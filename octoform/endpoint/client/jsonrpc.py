@@ -17,6 +17,7 @@ from typing import Any
 import octoform
 from octoform.base.files import parse, private_folder
 from octoform.diagnostics import Diagnostic, error
+from octoform.records import dataclass, field
 from octoform.state.files import write_atomic
 
 VERSION = "2026-07-28"
@@ -29,6 +30,30 @@ _LEAST_SECONDS = 0.25
 """Seconds that sending may always take: a socket without any time would not wait at all."""
 
 Progress = Callable[[float, float | None, str], None]
+
+
+@dataclass(frozen=True, slots=True)
+class ToolCall:
+    """One call of a tool, from anyone who makes it to the endpoint's gate; at most ``seconds`` for each of its answers.
+
+    ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
+    schema. With ``dry_run`` the endpoint shows what it would do, and does nothing. ``approved``: a person approved
+    before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
+    a person stopped is started.
+    """
+
+    tool: str
+    arguments: Mapping[str, Any] = field(default_factory=dict)
+    texts: Mapping[str, str] = field(default_factory=dict)
+    seconds: float = 60.0
+    dry_run: bool = False
+    approved: bool = False
+    revive: bool = False
+
+    @property
+    def params(self) -> dict[str, Any]:
+        """The call as MCP has it."""
+        return {"name": self.tool, "arguments": dict(self.arguments)}
 
 
 class WireError(Exception):

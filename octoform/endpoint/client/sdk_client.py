@@ -2,16 +2,17 @@
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from octoform.base.files import parse
 from octoform.endpoint.bounded_program import Finished, ForkServer, run, serving_environment
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.environment.model import Environment, at
 from octoform.endpoint.publication import client_command
 from octoform.endpoint.published_files import read_manifest
-from octoform.records import dataclass, field
+from octoform.records import dataclass
 from octoform.state.layout import Layout
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "mcp_client.py"
@@ -19,19 +20,6 @@ START_SECONDS = 120.0
 """For a server's start on a small board; a second or two elsewhere."""
 _MARGIN = 10.0
 REFUSAL = "octoform: refused:"
-
-
-@dataclass(frozen=True, slots=True)
-class Call:
-    """A call to make, with ``seconds`` for its answer.
-
-    It is made ``again`` so often, after all others, where it was answered at once with numbers and without a picture.
-    """
-
-    tool: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    seconds: float = 15.0
-    again: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,13 +46,15 @@ def recorded_environment(layout: Layout) -> Environment | None:
 def converse(
     layout: Layout,
     environment: Environment,
-    calls: Sequence[Call] = (),
+    calls: Sequence[ToolCall] = (),
     *,
+    again: int = 0,
     mode: str = "auto",
     seconds: float = math.inf,
 ) -> ClientReport:
     """Connect as any client does, list the tools, make the calls; blocks until the client is gone again.
 
+    Each call is made ``again`` so often, after all others, where it was answered at once with numbers and no picture.
     ``mode`` is ``auto`` (the newest protocol first) or ``legacy`` (the handshake). After ``seconds`` the client is
     ended, whatever it has come to.
     """
@@ -73,11 +63,11 @@ def converse(
         "mode": mode,
         "start_seconds": START_SECONDS,
         "calls": [
-            {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds, "again": call.again}
+            {"tool": call.tool, "arguments": dict(call.arguments), "seconds": call.seconds, "again": again}
             for call in calls
         ],
     }
-    timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + call.again) for call in calls)
+    timeout = START_SECONDS + _MARGIN + sum(call.seconds * (1 + again) for call in calls)
     finished = run(
         [str(environment.python), "-I", str(SCRIPT)],
         cwd=layout.project,

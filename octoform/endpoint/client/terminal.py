@@ -14,12 +14,12 @@ from typing import Any, Protocol
 from octoform.base import files
 from octoform.base.clock import stamp
 from octoform.diagnostics import Diagnostic, did_you_mean, error
-from octoform.endpoint.client.jsonrpc import Wire, WireError, save_media, sender
+from octoform.endpoint.client.jsonrpc import ToolCall, Wire, WireError, save_media, sender
 from octoform.endpoint.dial import down, halted, knock, reach
 from octoform.endpoint.expected_tools import hidden
 from octoform.endpoint.published_files import CHECK, read_manifest
 from octoform.endpoint.scripts.toolschema import as_tool, converted, first_fault, result_text
-from octoform.records import dataclass, field
+from octoform.records import dataclass, replace
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout
 
@@ -71,7 +71,7 @@ def record_state(layout: Layout, asked: str | None, state: EndpointState) -> Non
     write_atomic(path, (json.dumps(document, indent=2) + "\n").encode(), 0o600)
 
 
-__all__ = ["CallResult", "NoTerminal", "Person", "Wanted", "call", "list_tools", "save_media"]
+__all__ = ["CallResult", "NoTerminal", "Person", "ToolCall", "call", "list_tools", "save_media"]
 
 LIST_SECONDS = 15.0
 """Seconds for the list of tools: the endpoint answers it by itself, whatever its devices do."""
@@ -82,25 +82,6 @@ REFUSED = "octoform/refused"
 BEFOREHAND = "octoform -auto-approve"
 """How this client calls itself when no one will read what it is asked."""
 MAX_QUESTIONS = 10
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """A call to make; at most ``seconds`` for each of its answers.
-
-    ``texts`` are arguments as a command line has them (``channel=2``); they are converted by the tool's own input
-    schema. With ``dry_run`` the endpoint shows what it would do, and does nothing. ``approved``: a person approved
-    before they knew what would be asked, which the audit log must not take for an answer. ``revive``: an endpoint that
-    a person stopped is started.
-    """
-
-    tool: str
-    arguments: Mapping[str, Any] = field(default_factory=dict)
-    texts: Mapping[str, str] = field(default_factory=dict)
-    seconds: float = 60.0
-    dry_run: bool = False
-    approved: bool = False
-    revive: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -171,7 +152,7 @@ def list_tools(
     return tools, ()
 
 
-def call(layout: Layout, wanted: Wanted, person: Person | None = None) -> Called:
+def call(layout: Layout, wanted: ToolCall, person: Person | None = None) -> Called:
     """Call a tool of the live endpoint, which is started when nothing runs.
 
     What the tool reports of itself is in the result; a wrong name, a wrong argument, a call that is not approved or a
@@ -251,7 +232,7 @@ def _listed(wire: Wire) -> tuple[dict[str, Any], ...]:
 class _Call:
     """One call with the questions that the endpoint has before it makes it."""
 
-    def __init__(self, wire: Wire, wanted: Wanted, person: Person) -> None:
+    def __init__(self, wire: Wire, wanted: ToolCall, person: Person) -> None:
         self._wire = wire
         self._wanted = wanted
         self._person = person
@@ -262,11 +243,13 @@ class _Call:
         """The result, or what is wrong with the call or with the answer."""
         wanted = self._wanted
         schema = tool["input_schema"]
-        arguments = {**wanted.arguments, **converted(wanted.texts, schema)}
-        if fault := first_fault(arguments, schema):
+        wanted = self._wanted = replace(
+            wanted, arguments={**wanted.arguments, **converted(wanted.texts, schema)}, texts={}
+        )
+        if fault := first_fault(wanted.arguments, schema):
             return None, (_bad_argument(wanted.tool, schema, fault["field"], fault["message"]),)
         began = time.monotonic()
-        result = self._asked(arguments)
+        result = self._asked()
         ms = round((time.monotonic() - began) * 1000, 1)
         if not self._answer:
             summary = f"{wanted.tool} was not approved"
@@ -280,9 +263,9 @@ class _Call:
             content, structured, is_error, result_text(result), ms, refused if is_error else None, dry
         ), ()
 
-    def _asked(self, arguments: Mapping[str, Any]) -> dict[str, Any]:
+    def _asked(self) -> dict[str, Any]:
         """The final result, after every question was answered."""
-        params: dict[str, Any] = {"name": self._wanted.tool, "arguments": dict(arguments)}
+        params = self._wanted.params
         meta: dict[str, Any] = {DRY_RUN: True} if self._wanted.dry_run else {}
         if self._wanted.approved:
             meta |= sender(BEFOREHAND)
@@ -293,19 +276,19 @@ class _Call:
             if result.get("resultType") != "input_required":
                 return result
             questions = result.get("inputRequests") or {}
-            more = {"inputResponses": {key: self._response(asked, arguments) for key, asked in questions.items()}}
+            more = {"inputResponses": {key: self._response(asked) for key, asked in questions.items()}}
             if "requestState" in result:
                 more["requestState"] = result["requestState"]
         raise WireError("refused", f"it asked more than {MAX_QUESTIONS} times")
 
-    def _response(self, request: Mapping[str, Any], arguments: Mapping[str, Any]) -> dict[str, Any]:
+    def _response(self, request: Mapping[str, Any]) -> dict[str, Any]:
         """The person's answer to a question that can be answered with yes or no."""
         params = request.get("params", {})
         fields = params.get("requestedSchema", {}).get("properties", {})
         simple = all(given.get("type") == "boolean" for given in fields.values())
         if request.get("method") != "elicitation/create" or not simple:
             raise WireError("refused", "it asked for what cannot be answered with yes or no")
-        answer = self._person.approves(self._wanted.tool, arguments, str(params.get("message", "")))
+        answer = self._person.approves(self._wanted.tool, self._wanted.arguments, str(params.get("message", "")))
         if answer is None:
             raise _NoOneToAsk
         self._answer = answer
@@ -340,7 +323,7 @@ def _about(name: str, given: Mapping[str, Any]) -> str:
     return "; ".join([*lines, f"{name} is one of {', '.join(map(str, values))}"] if values else lines)
 
 
-def _broken(wanted: Wanted, problem: WireError) -> Diagnostic:
+def _broken(wanted: ToolCall, problem: WireError) -> Diagnostic:
     tool = wanted.tool
     if problem.kind == "timeout":
         summary = f"{tool} gave no answer within {wanted.seconds:g} s"

@@ -18,7 +18,7 @@ import hashlib
 import json
 import secrets
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -42,6 +42,8 @@ from mcp_types.version import MODERN_PROTOCOL_VERSIONS
 from octoform.base.files import parse
 from octoform.server.internals import low_level
 
+from .calls import Call
+
 VALID_SECONDS = 600.0
 OPEN = 1000
 """Questions that may be open at once; the oldest goes first."""
@@ -57,32 +59,31 @@ SCHEMA: dict[str, Any] = {
 
 @dataclass(frozen=True, slots=True)
 class Question:
-    """The question to the person: may ``caller`` call ``tool`` with ``arguments``? ``stops``: how many emergency stops
-    there had been when the call came; ``client``: the program that asks, in words."""
+    """The question to the person: may this call be made? ``source`` states why it is asked."""
 
-    tool: str
-    effect: str
+    call: Call
     source: str
-    caller: str
-    given: Mapping[str, Any]
-    arguments: Mapping[str, Any]
-    stops: int = 0
-    client: str = ""
+
+    @property
+    def tool(self) -> str:
+        """The tool that would be called."""
+        return self.call.entry.name
 
     def text(self) -> str:
         """One paragraph for a person; hostile text in the arguments stays inside their JSON."""
-        shown = json.dumps(self.arguments, ensure_ascii=True, default=repr)
+        shown = json.dumps(self.call.arguments, ensure_ascii=True, default=repr)
         if len(shown) > ARGUMENTS_CHARS:
             shown = f"{shown[:ARGUMENTS_CHARS]}... ({len(shown)} characters)"
-        caller = f"{self.caller} ({self.client})" if self.client else self.caller
+        caller, client = self.call.caller.name, self.call.client.words()
+        caller = f"{caller} ({client})" if client else caller
         return (
-            f"Allow one call of {self.tool} (effect: {self.effect}), asked for by {caller}? "
+            f"Allow one call of {self.tool} (effect: {self.call.entry.policy.effect}), asked for by {caller}? "
             f"Arguments: {shown}. Why you are asked: {self.source}."
         )
 
     def digest(self) -> str:
         """Of tool, caller, exactly the arguments that came, and how often everything was stopped, in canonical form."""
-        lines = [self.tool, self.caller, dict(self.given), self.stops]
+        lines = [self.tool, self.call.caller.name, dict(self.call.given), self.call.stops]
         whole = json.dumps(lines, sort_keys=True, separators=(",", ":"))
         return hashlib.sha256(whole.encode()).hexdigest()
 

@@ -243,11 +243,8 @@ class Gate(Middleware):
 
     async def _confirm(self, call: Call, context: Context) -> ToolResult | None:
         """Ask a person; None when the call may go on, the question itself where that is the answer."""
-        entry, request = call.entry, fastmcp_request_ctx.get()
-        policy, caller = entry.policy, call.caller.name
-        source = call.restricted or policy.source
-        asked_by = call.client.words()
-        question = Question(entry.name, policy.effect, source, caller, call.given, call.arguments, call.stops, asked_by)
+        request = fastmcp_request_ctx.get()
+        question = Question(call, call.restricted or call.entry.policy.source)
         reply = self.approvals.answered(question, context.message)
         if reply is None:
             if self._policy.mode == "shadow":

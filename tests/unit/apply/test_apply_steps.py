@@ -15,7 +15,8 @@ from octoform.apply.stage.assignment import Assignment
 from octoform.apply.trial_tools import LiveHand
 from octoform.contracts.contract_check import has_shape
 from octoform.diagnostics import Diagnostic, error
-from octoform.endpoint.client.terminal import CallResult, Person, Wanted
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import CallResult, Person
 from octoform.graph.model import Graph, Node, NodeKind
 from octoform.profiles import load
 from octoform.protocol import schema_dir, step_paths
@@ -144,9 +145,9 @@ def result(**more: Any) -> CallResult:
 def test_what_the_endpoint_says_of_a_call(
     monkeypatch: pytest.MonkeyPatch, came: tuple[CallResult | None, tuple[Diagnostic, ...]], wanted: tuple[bool, bool]
 ) -> None:
-    seen: list[Wanted] = []
+    seen: list[ToolCall] = []
 
-    def call(layout: Layout, made: Wanted, person: Person) -> Any:
+    def call(layout: Layout, made: ToolCall, person: Person) -> Any:
         seen.append(made)
         assert person.approves("arm_move_joint", {}, "really?") is True
         return came

@@ -17,7 +17,8 @@ from unit.endpoint.endpoint_servers import tool as code
 from warm import Loaded
 
 from octoform.cli.main import main
-from octoform.endpoint.client.terminal import Wanted, call, list_tools
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.endpoint.client.terminal import call, list_tools
 from octoform.endpoint.dial import Returning, started
 from octoform.endpoint.process import record, start_stop
 from octoform.endpoint.process.record import running
@@ -48,7 +49,7 @@ def connected(endpoint: Launched, line: bytes) -> subprocess.CompletedProcess[by
 def test_no_list_and_no_call_undoes_a_stop(stopped: Launched) -> None:
     """The refusal names who stopped it, when, and the command that ends the stop."""
     _, (listed,) = list_tools(stopped.layout)
-    _, (called,) = call(stopped.layout, Wanted("read_clock"))
+    _, (called,) = call(stopped.layout, ToolCall("read_clock"))
     by = json.loads(stopped.layout.stop_mark.read_bytes())["by"]
     for problem in (listed, called):
         assert problem.code == "ENDPOINT-STOPPED"

@@ -15,10 +15,10 @@ from launched import tool as told
 from unit.endpoint.endpoint_servers import HEADER, tool
 from unit.endpoint.endpoint_zoo import PICTURE
 
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.terminal import (
     EndpointState,
     Person,
-    Wanted,
     call,
     list_tools,
     published,
@@ -127,7 +127,7 @@ def test_the_tools_are_listed_with_their_schemas(bench: Launched) -> None:
 
 
 def test_texts_of_a_command_line_become_what_the_schema_asks_for(bench: Launched) -> None:
-    result, problems = call(bench.layout, Wanted("read_voltage", {}, {"channel": "2", "label": "7"}))
+    result, problems = call(bench.layout, ToolCall("read_voltage", {}, {"channel": "2", "label": "7"}))
     assert problems == ()
     assert result is not None and not result.is_error
     assert result.structured == {"result": 3.0}
@@ -140,7 +140,7 @@ def test_a_wrong_argument_is_named_and_reaches_no_device(
     bench: Launched, arguments: dict[str, object], names: str, hint: str
 ) -> None:
     before = logged(bench)
-    result, (problem,) = call(bench.layout, Wanted("read_voltage", arguments))
+    result, (problem,) = call(bench.layout, ToolCall("read_voltage", arguments))
     assert result is None
     assert problem.code == "ENDPOINT-BAD-ARGUMENT"
     assert names in problem.summary
@@ -149,27 +149,27 @@ def test_a_wrong_argument_is_named_and_reaches_no_device(
 
 
 def test_an_unknown_tool_gets_a_suggestion(bench: Launched) -> None:
-    result, (problem,) = call(bench.layout, Wanted("read_voltag"))
+    result, (problem,) = call(bench.layout, ToolCall("read_voltag"))
     assert result is None
     assert (problem.code, problem.hint) == ("ENDPOINT-UNKNOWN-TOOL", "did you mean 'read_voltage'?")
 
 
 def test_what_the_tool_says_of_itself_is_a_result(bench: Launched) -> None:
-    result, problems = call(bench.layout, Wanted("absent"))
+    result, problems = call(bench.layout, ToolCall("absent"))
     assert problems == ()
     assert result is not None and result.is_error
     assert "it is not connected" in result.message
 
 
 def test_a_result_that_breaks_its_own_schema_is_an_error(bench: Launched) -> None:
-    result, problems = call(bench.layout, Wanted("lie"))
+    result, problems = call(bench.layout, ToolCall("lie"))
     assert problems == ()
     assert result is not None and result.is_error
     assert "does not fit its output schema" in result.message
 
 
 def test_pictures_can_be_kept(bench: Launched, tmp_path: Path) -> None:
-    result, _ = call(bench.layout, Wanted("picture"))
+    result, _ = call(bench.layout, ToolCall("picture"))
     assert result is not None
     (path,), problems = save_media(result.content, tmp_path / "frames", "picture")
     assert problems == []
@@ -180,7 +180,7 @@ def test_pictures_can_be_kept(bench: Launched, tmp_path: Path) -> None:
 
 def test_a_call_is_made_when_the_person_approves_it(bench: Launched) -> None:
     person = Somebody(True)
-    result, problems = call(bench.layout, Wanted("move", {}, {"steps": "7"}), person)
+    result, problems = call(bench.layout, ToolCall("move", {}, {"steps": "7"}), person)
     assert problems == ()
     assert result is not None and result.structured == {"result": 7.0}
     ((name, arguments, message),) = person.asked
@@ -191,7 +191,7 @@ def test_a_call_is_made_when_the_person_approves_it(bench: Launched) -> None:
 @pytest.mark.parametrize(("answer", "words"), [(False, "move was not approved"), (None, "move wants an approval")])
 def test_a_call_that_nobody_approves_is_not_made(bench: Launched, answer: bool | None, words: str) -> None:
     before = logged(bench)
-    result, (problem,) = call(bench.layout, Wanted("move", {"steps": 7}), Somebody(answer))
+    result, (problem,) = call(bench.layout, ToolCall("move", {"steps": 7}), Somebody(answer))
     assert result is None
     assert (problem.code, problem.summary) == ("ENDPOINT-CALL-NOT-APPROVED", words)
     records = [json.loads(line) for line in (bench.layout.logs / "audit.jsonl").read_text().splitlines()]
@@ -207,7 +207,7 @@ def test_a_call_that_nobody_approves_is_not_made(bench: Launched, answer: bool |
 
 def test_a_dry_run_asks_nobody_and_calls_nothing(bench: Launched) -> None:
     person, before = Somebody(True), logged(bench)
-    result, problems = call(bench.layout, Wanted("move", {"steps": 7}, dry_run=True), person)
+    result, problems = call(bench.layout, ToolCall("move", {"steps": 7}, dry_run=True), person)
     assert problems == ()
     assert result is not None and not result.is_error
     assert "dry run" in result.message.lower()
@@ -217,7 +217,7 @@ def test_a_dry_run_asks_nobody_and_calls_nothing(bench: Launched) -> None:
 
 def test_progress_is_told_while_the_tool_works(bench: Launched, tmp_path: Path) -> None:
     person = Somebody(None)
-    result, problems = call(bench.layout, Wanted("sweep", {"steps": 3, "mark": str(tmp_path / "m")}), person)
+    result, problems = call(bench.layout, ToolCall("sweep", {"steps": 3, "mark": str(tmp_path / "m")}), person)
     assert problems == ()
     assert result is not None and result.structured == {"result": 3}
     assert person.seen == [(1, 3, "step 1"), (2, 3, "step 2"), (3, 3, "step 3")]
@@ -231,15 +231,15 @@ def test_an_interrupted_call_is_stopped_where_it_works(bench: Launched, tmp_path
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        call(bench.layout, Wanted("sweep", {"steps": 100_000, "mark": str(mark)}), Impatient(None))
+        call(bench.layout, ToolCall("sweep", {"steps": 100_000, "mark": str(mark)}), Impatient(None))
     until(mark.exists)
 
 
 def test_a_call_that_takes_too_long_is_given_up_and_the_endpoint_lives_on(bench: Launched) -> None:
-    result, (problem,) = call(bench.layout, Wanted("hang", seconds=0.3))
+    result, (problem,) = call(bench.layout, ToolCall("hang", seconds=0.3))
     assert result is None
     assert (problem.code, problem.summary) == ("ENDPOINT-CALL-TIMEOUT", "hang gave no answer within 0.3 s")
-    result, problems = call(bench.layout, Wanted("read_clock"))
+    result, problems = call(bench.layout, ToolCall("read_clock"))
     assert problems == () and result is not None
 
 
@@ -250,9 +250,9 @@ def test_an_endpoint_that_dies_under_a_call_is_told_and_started_by_the_next(benc
         def progress(self, done: float, total: float | None, message: str) -> None:
             os.kill(pid, signal.SIGKILL)
 
-    _, (problem,) = call(bench.layout, Wanted("sweep", {"steps": 100_000, "mark": str(tmp_path / "m")}), Killer(None))
+    _, (problem,) = call(bench.layout, ToolCall("sweep", {"steps": 100_000, "mark": str(tmp_path / "m")}), Killer(None))
     assert (problem.code, problem.summary) == ("ENDPOINT-DOWN", "the endpoint broke off during sweep")
-    result, problems = call(bench.layout, Wanted("read_clock"))
+    result, problems = call(bench.layout, ToolCall("read_clock"))
     assert problems == () and result is not None
     assert bench.process.pid != pid
 
@@ -276,7 +276,7 @@ def test_a_list_without_a_start_starts_nothing(bench: Launched) -> None:
 
 def test_without_an_endpoint_the_person_is_told_what_to_do(layout: Layout) -> None:
     assert [item.code for item in list_tools(layout)[1]] == ["ENDPOINT-NOT-APPLIED"]
-    assert [item.code for item in call(layout, Wanted("x"))[1]] == ["ENDPOINT-NOT-APPLIED"]
+    assert [item.code for item in call(layout, ToolCall("x"))[1]] == ["ENDPOINT-NOT-APPLIED"]
 
 
 def test_a_refusal_of_the_launcher_reaches_the_person_and_a_plan_knows_what_was_seen_last(bench: Launched) -> None:
@@ -322,11 +322,11 @@ def test_a_denied_tool_is_refused_in_the_words_of_the_policy_and_an_argument_tel
     policy = {"tools": {"read_lines": {"decision": "deny", "source": "policy.rules[0]"}}}
     with launched(tmp_path, CHOSEN, [told("read_temperature"), told("read_lines")], policy=policy) as endpoint:
         assert [item["name"] for item in list_tools(endpoint.layout)[0]] == ["read_temperature"]
-        result, problems = call(endpoint.layout, Wanted("read_lines"))
+        result, problems = call(endpoint.layout, ToolCall("read_lines"))
         assert problems == () and result is not None and result.is_error
         assert result.message == "read_lines is denied by policy.rules[0]"
         assert '"code":"denied"' in (endpoint.layout.logs / "audit.jsonl").read_text()
-        result, (problem,) = call(endpoint.layout, Wanted("read_temperature"))
+        result, (problem,) = call(endpoint.layout, ToolCall("read_temperature"))
         assert result is None and problem.hint == "device id; device is one of usb-1, usb-2"
-        result, (problem,) = call(endpoint.layout, Wanted("read_line"))
+        result, (problem,) = call(endpoint.layout, ToolCall("read_line"))
         assert problem.code == "ENDPOINT-UNKNOWN-TOOL"

@@ -4,7 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from octoform.engine.tools import Request, call
+from octoform.endpoint.client.jsonrpc import ToolCall
+from octoform.engine.tools import call
 
 
 @pytest.mark.parametrize(
@@ -20,7 +21,7 @@ from octoform.engine.tools import Request, call
 )
 def test_arguments_that_cannot_be_meant(tmp_path: Path, pairs: list[str], document: str | None, words: str) -> None:
     (tmp_path / "octopus.yaml").write_text("version: 1\nhost: bench\n")
-    answer, (problem,) = call(tmp_path, {}, Request("read_clock", pairs, document))
+    answer, (problem,) = call(tmp_path, {}, ToolCall("read_clock"), pairs=pairs, document=document)
     assert answer is None
     assert problem.code == "CALL-BAD-ARGUMENT"
     assert problem.summary.startswith(words)

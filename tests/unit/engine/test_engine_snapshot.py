@@ -1,15 +1,14 @@
 """A heartbeat is looks at an interval: virtual time, a camera of our own, nothing made up for."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 from octoform.apply.context import Clock
 from octoform.diagnostics import Diagnostic, error
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.scripts.picture import digest, grain_of, shrunk
 from octoform.engine.look import Eye, Look, heartbeat, look, save
 from octoform.manifest.model import Perception
@@ -29,7 +28,7 @@ class Bench:
     lasting: tuple[float, ...]
     outcome: Taken | Diagnostic | None = None
     now: float = 100.0
-    views: list[Mapping[str, Any]] = field(default_factory=list)
+    views: list[ToolCall] = field(default_factory=list)
 
     @property
     def clock(self) -> Clock:
@@ -39,7 +38,7 @@ class Bench:
         assert seconds >= 0
         self.now += seconds
 
-    def take(self, _layout: Layout, view: Mapping[str, Any], _person: object) -> Taken | Diagnostic:
+    def take(self, _layout: Layout, view: ToolCall, _person: object) -> Taken | Diagnostic:
         self.pass_time(self.lasting[min(len(self.views), len(self.lasting) - 1)])
         self.views.append(view)
         thumb = bytes([len(self.views)] * 64 + [200] * 3008)
@@ -64,7 +63,7 @@ def test_a_look_that_takes_long_is_not_made_up_for(tmp_path: Path, lasting: tupl
     beats = heartbeat(Eye(Layout(tmp_path, "bench"), Perception(), CAMERA), 30, None, bench.clock, bench.take)
     looks = [next(beats) for _ in range(4)]
     assert seconds_of(looks) == at
-    assert bench.views[0] == CAMERA.model_dump()
+    assert bench.views[0] == ToolCall(CAMERA.tool, CAMERA.arguments)
     assert [item.problem for item in looks] == [None] * 4
     assert looks[-1].record is not None and looks[-1].record.summary.looks == 4
 
@@ -121,7 +120,7 @@ class Still:
     def pass_time(self, seconds: float) -> None:
         self.now += seconds
 
-    def take(self, _layout: Layout, _view: Mapping[str, Any], _person: object) -> Taken | Diagnostic:
+    def take(self, _layout: Layout, _view: ToolCall, _person: object) -> Taken | Diagnostic:
         self.pass_time(0.4)
         self.taken += 1
         luma = self.stuck or (self.sensor.exposed(self.scene) if self.sensor else self.scene)

@@ -4,6 +4,7 @@ from typing import Any
 
 import pytest
 
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.perception.camera_selection import Camera, best, cameras
 
 ROOT = "/sys/devices/pci0000:00/0000:00:14.0/usb1"
@@ -54,9 +55,9 @@ def offered(*tools: dict[str, Any]) -> dict[str, Any]:
 def test_each_camera_with_its_call_its_hub_and_its_place() -> None:
     found = cameras(probed(), IDENTIFIED, offered(tool("capture_image", LID, DESK, BENCH)), hint=DESK)
     assert found == (
-        Camera(BENCH, "capture_image", {"device": BENCH}, hub_shared_with=(ARM,)),
-        Camera(DESK, "capture_image", {"device": DESK}, hint=True),
-        Camera(LID, "capture_image", {"device": LID}, built_in=True),
+        Camera(BENCH, ToolCall("capture_image", {"device": BENCH}), hub_shared_with=(ARM,)),
+        Camera(DESK, ToolCall("capture_image", {"device": DESK}), hint=True),
+        Camera(LID, ToolCall("capture_image", {"device": LID}), built_in=True),
     )
     assert found[0].to_json() == {
         "device": BENCH,
@@ -66,7 +67,6 @@ def test_each_camera_with_its_call_its_hub_and_its_place() -> None:
         "built_in": False,
         "hint": False,
     }
-    assert found[0].view == {"tool": "capture_image", "arguments": {"device": BENCH}}
 
 
 @pytest.mark.parametrize(
@@ -90,7 +90,7 @@ def test_a_camera_is_what_has_a_tool_that_takes_its_picture(
 def test_only_annotated_devices_whose_call_is_known_are_cameras() -> None:
     unknown: dict[str, Any] = {"required": ["preset"], "properties": {"preset": {"type": "string"}}}
     given = {**tool("capture_image", DESK, **unknown), "smoke": {"arguments": {"preset": "day", "width": 16}}}
-    assert cameras(probed(), IDENTIFIED, offered(given))[0].arguments == {"preset": "day"}
+    assert cameras(probed(), IDENTIFIED, offered(given))[0].call.arguments == {"preset": "day"}
     assert cameras(probed(), IDENTIFIED, offered({**given, "smoke": None})) == ()
     assert cameras(probed(), {"devices": []}, offered(tool("capture_image", DESK))) == ()
     assert cameras({}, {}, {}) == ()
@@ -98,7 +98,7 @@ def test_only_annotated_devices_whose_call_is_known_are_cameras() -> None:
 
 def test_the_first_tool_of_a_device_is_its_only_one() -> None:
     found = cameras(probed(), IDENTIFIED, offered(tool("capture_image", DESK), tool("take_photo", DESK)))
-    assert [item.tool for item in found] == ["capture_image"]
+    assert [item.call.tool for item in found] == ["capture_image"]
 
 
 @pytest.mark.parametrize(
@@ -126,10 +126,13 @@ def test_the_ledger_of_this_machine_says_where_a_device_is_plugged_in() -> None:
 
 
 def test_named_then_on_a_hub_of_its_own_then_plugged_in_then_by_id() -> None:
-    shared, built_in = Camera("a", "t", {}, hub_shared_with=("x",)), Camera("b", "t", {}, built_in=True)
-    plugged, named = Camera("c", "t", {}), Camera("z", "t", {}, ("x",), built_in=True, hint=True)
+    shared, built_in = (
+        Camera("a", ToolCall("t", {}), hub_shared_with=("x",)),
+        Camera("b", ToolCall("t", {}), built_in=True),
+    )
+    plugged, named = Camera("c", ToolCall("t", {})), Camera("z", ToolCall("t", {}), ("x",), built_in=True, hint=True)
     assert best([shared, built_in, plugged, named]) == named
-    assert best([shared, built_in, plugged, Camera("d", "t", {})]) == plugged
+    assert best([shared, built_in, plugged, Camera("d", ToolCall("t", {}))]) == plugged
     assert best([shared, built_in]) == built_in
-    assert best([Camera("b", "t", {}, ("x",), built_in=True), shared]) == shared
+    assert best([Camera("b", ToolCall("t", {}), ("x",), built_in=True), shared]) == shared
     assert best([]) is None

@@ -10,6 +10,7 @@ import pytest
 
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.bounded_program import ForkServer
+from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.terminal import CallResult
 from octoform.perception.capture import Decoded, Taken, decode, decode_with, judged, picture_of, take
 from octoform.state.layout import Layout
@@ -73,7 +74,7 @@ def test_a_program_that_cannot_look_is_told(python: Path) -> None:
 
 def test_a_host_without_an_endpoint_gives_its_reason(tmp_path: Path) -> None:
     layout = Layout(tmp_path, "bench")
-    found = take(layout, {"tool": "capture_image", "arguments": {}})
+    found = take(layout, ToolCall("capture_image", {}))
     assert isinstance(found, Diagnostic) and found.code == "ENDPOINT-NOT-APPLIED"
     lost = decode(layout, [LEFT_DARK])
     assert isinstance(lost, Diagnostic) and lost.code == "PERCEPTION-NOT-DECODED"

@@ -57,10 +57,10 @@ def look(endpoint: Launched) -> Looker:
 
 
 def call(endpoint: Launched, name: str) -> None:
-    from octoform.endpoint.client.terminal import Wanted
+    from octoform.endpoint.client.jsonrpc import ToolCall
     from octoform.endpoint.client.terminal import call as call_tool
 
-    call_tool(endpoint.layout, Wanted(name))
+    call_tool(endpoint.layout, ToolCall(name))
 
 
 def test_a_live_endpoint(endpoint: Launched, look: Looker) -> None:

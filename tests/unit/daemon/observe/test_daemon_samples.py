@@ -19,6 +19,7 @@ from octoform.daemon.observe.samples import (
     Sensors,
     flattened,
     is_sensor,
+    source_of,
     tool_of,
 )
 from octoform.endpoint.process.record import running
@@ -92,7 +93,7 @@ def told(readings: tuple[Reading, ...]) -> list[tuple[str, str, Value, str]]:
 
 
 def sources(sensors: Sensors) -> list[str]:
-    return [probe.source for probe in sensors.probes()]
+    return [source_of(probe) for probe in sensors.probes()]
 
 
 @pytest.fixture(scope="module")
