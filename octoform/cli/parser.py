@@ -56,7 +56,7 @@ class Parser(argparse.ArgumentParser):
         raise UsageError(message, self.format_usage())
 
     def _check_value(self, action: argparse.Action, value: str) -> None:
-        """One that is not among forty is reported with the one that was meant, not with all of them."""
+        """One that is no choice is reported with the one that was meant, where one is near."""
         if action.choices is None or value in action.choices:
             return
         known = [str(name) for name in action.choices]
