@@ -34,6 +34,7 @@ RIGHT = [
     (ENTRY, "id_database", ["bus: usb => usb.ids"]),
     ("Acme DeskCam QuickCam-Pro 300s", "id_database", ["product: Acme QuickCam-Pro 300s => usb.ids: DeskCam"]),
     ("Acme Vision 7", "web_search", ["manufacturer: Acme Imaging => acme.example/v7: the Acme Imaging Vision 7"]),
+    ("Acme Vision 7", "web_search", ["manufacturer: Acme => acme.example/v7: the Acme Vision 7"]),
     ("anything at all", "user_answer", ["driver: uvcvideo"]),
 ]
 WRONG = [

@@ -34,7 +34,7 @@ def test_what_the_embedded_agent_writes_is_accepted(where: str) -> None:
     assert errors(where, lambda _: None) == []
 
 
-@for_each("case", WRONG, every=3)
+@for_each("case", WRONG, every=2)
 def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(case: str) -> None:
     where, change, code, cure = WRONG[case]
     found = errors(where, change)
@@ -44,7 +44,7 @@ def test_what_the_evidence_does_not_bear_out_is_refused_with_the_cure(case: str)
     assert any(cure in text for text in lines), [(item.code, item.summary, item.hint) for item in found]
 
 
-@for_each("case", RIGHT, every=3)
+@for_each("case", RIGHT, every=2)
 def test_what_a_person_would_write_is_accepted(case: str) -> None:
     where, change = RIGHT[case]
     found = errors(where, change)

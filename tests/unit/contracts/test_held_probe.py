@@ -50,7 +50,7 @@ def test_what_the_embedded_agent_writes_is_accepted_from_any_agent(where: str) -
     assert errors(where, copy.deepcopy(host(where).probe)) == []
 
 
-@for_each("case", WRONG, every=3)
+@for_each("case", WRONG)
 def test_what_the_host_contradicts_is_refused_with_the_cure(case: str) -> None:
     where, change, code, cure = WRONG[case]
     found = errors(where, changed(where, change))
@@ -60,7 +60,7 @@ def test_what_the_host_contradicts_is_refused_with_the_cure(case: str) -> None:
     assert any(cure in text for text in lines), [(item.code, item.summary, item.hint) for item in found]
 
 
-@for_each("case", RIGHT, every=3)
+@for_each("case", RIGHT)
 def test_what_an_honest_agent_may_write_is_accepted(case: str) -> None:
     where, change = RIGHT[case]
     found = errors(where, changed(where, change))

@@ -47,7 +47,12 @@ KNOWN = Artifacts(
         "devices": [
             device(BOARD, "GPD G1621-02", "sys_vendor: GPD\nproduct: G1621-02", "dmi"),
             device(CAMERA, "Heron H20", "manufacturer: Heron Optics\nproduct: Heron H20", "video4linux"),
-            device(BUS, "Reiher RX-ARM200", "product: Reiher RX-ARM200 bus\ndriver: cdc_acm", "tty"),
+            device(
+                BUS,
+                "Reiher RX-ARM200",
+                "manufacturer: Reiher Werk\nproduct: Reiher RX-ARM200 bus\ndriver: cdc_acm",
+                "tty",
+            ),
         ]
     },
     identify={
@@ -82,6 +87,7 @@ RIGHT = [
     (CAMERA, f"{CAMERA_TEXT} It is not that of the RX-ARM200."),
     (CAMERA, f"{CAMERA_TEXT} Nothing is moved to it."),
     (CAMERA, f"{CAMERA_TEXT} Returned as JPEG or PNG in 1920x1080, beside its brightness."),
+    (BUS, "Report whether the Reiher Werk bus is attached. Nothing is sent to it."),
     (CAMERA, "Macht ein Bild mit der Heron H20."),
     (CAMERA, "Takes a photograph with the webcam. Works over USB3 and I2C0."),
 ]
