@@ -51,11 +51,11 @@ TOOL = {"effect": "read", "decision": "allow", "source": "default", "timeout": 3
 
 async def main(port, folder):
     if folder != "-":
-        from octoform.server import tool_policy as policy
+        from octoform.policy import published as policy
         from octoform.server.audit.audit_log import Audit
         from octoform.server.gate.gate import Gate
         from octoform.server.latch import Latch
-        from octoform.server.limits import Ledger
+        from octoform.policy.enforce import Ledger
         from octoform.server.catalog import offer
         place = Path(folder)
         tools = {"read_voltage": TOOL, "read_level": TOOL}

@@ -4,7 +4,6 @@ Manifest, specs, profiles and the command line write the same times, so what eac
 """
 
 import re
-from decimal import Decimal
 
 _COUNT = r"[0-9]{1,6}(?:\.[0-9]{1,3})?"
 PATTERN = rf"^(?=[0-9])({_COUNT}h)?({_COUNT}m)?({_COUNT}s)?({_COUNT}ms)?$"
@@ -22,6 +21,8 @@ def seconds(text: str) -> float | None:
     found = re.fullmatch(PATTERN[1:-1], text)
     if found is None:
         return None
+    from decimal import Decimal  # a plan with nothing to do reads no duration
+
     counts = (Decimal(part.rstrip("hms")) if part else Decimal(0) for part in found.groups())
     length = sum(count * unit for count, unit in zip(counts, _MILLISECONDS, strict=True)) / Decimal(1000)
     return int(length) if length == int(length) else float(length)

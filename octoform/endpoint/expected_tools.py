@@ -5,8 +5,8 @@ from typing import Any
 
 from octoform.base.files import read_json
 from octoform.base.shape import fits
-from octoform.endpoint.policy import LINE
 from octoform.endpoint.published_files import read_policy
+from octoform.policy.resolve import LINE
 from octoform.state.layout import Layout
 
 

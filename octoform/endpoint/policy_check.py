@@ -8,18 +8,20 @@ from fnmatch import fnmatchcase
 from typing import Any
 
 from octoform.diagnostics import Diagnostic, did_you_mean, warning
-from octoform.endpoint.policy import (
+from octoform.policy import tightest
+from octoform.policy.kinds import RANGE
+from octoform.policy.resolve import (
     Holding,
+    Policy,
     Tool,
     claims,
+    default_of,
     fixed_outside,
     is_meant,
     parameters,
     places_of,
     reported,
-    tightest,
 )
-from octoform.manifest.model import Policy
 
 _MAX_NAMED = 8
 
@@ -93,8 +95,8 @@ def _contradictions(policy: Policy, tools: Sequence[Tool], holding: Holding) -> 
             low, high = tightest(of_it, "minimum"), tightest(of_it, "maximum")
             if low is None or high is None:
                 continue
-            least, most = low.limit.minimum, high.limit.maximum
-            if least is not None and most is not None and least > most:
+            least, most = low.value("minimum"), high.value("maximum")
+            if least > most:
                 yield warning(
                     "POLICY-CONTRADICTION",
                     f"{tool['name']} will refuse every value of {name}: at least {least} ({low.source}) "
@@ -129,17 +131,15 @@ def _defaults(policy: Policy, tools: Sequence[Tool], holding: Holding) -> Iterat
     for tool in tools:
         found = [claim for claim in claims(policy, tool, holding) if not claim.limit.units]
         for name, schema in parameters(tool).items():
-            default = schema.get("default") if isinstance(schema, Mapping) else None
-            if isinstance(default, bool) or not isinstance(default, int | float):
+            default = default_of(schema)
+            if default is None:
                 continue
             of_it = [claim for claim in found if claim.limit.parameter == name]
             low, high = tightest(of_it, "minimum"), tightest(of_it, "maximum")
-            least = low.limit.minimum if low is not None else None
-            most = high.limit.maximum if high is not None else None
-            if low is not None and least is not None and default < least:
-                yield _default(tool, name, default, f"at least {least} ({low.source})")
-            elif high is not None and most is not None and default > most:
-                yield _default(tool, name, default, f"at most {most} ({high.source})")
+            if low is not None and default < low.value("minimum"):
+                yield _default(tool, name, default, f"at least {low.value('minimum')} ({low.source})")
+            elif high is not None and default > high.value("maximum"):
+                yield _default(tool, name, default, f"at most {high.value('maximum')} ({high.source})")
 
 
 def _default(tool: Tool, name: str, default: float, bound: str) -> Diagnostic:
@@ -164,7 +164,7 @@ def _poses(policy: Policy, tools: Sequence[Tool], holding: Holding) -> Iterator[
 
 def _unreported(policy: Policy, tools: Sequence[Tool]) -> Iterator[Diagnostic]:
     """Tools that move a unit whose range a person limits, and whose results do not say where it is then."""
-    if all(limit.minimum is None and limit.maximum is None for limit in policy.limits):
+    if not any(name in limit.values for limit in policy.limits for name in RANGE):
         return
     places = places_of(policy, tools, ())
     silent = [

@@ -22,7 +22,8 @@ PROGRAM = "octoform"
 """The folder of what runs in the endpoint's process: the launcher and what it stands on, named as here."""
 POLICY = "policy.json"
 _SOURCE = Path(__file__).parents[1]
-_PACKAGES = ("server", "base")
+_PACKAGES = ("server", "policy", "base")
+_RECORDS = _SOURCE / "records.py"
 PACKAGES = tuple(_SOURCE / name for name in _PACKAGES)
 """The packages that are copied there as files; the core never imports the launcher."""
 CLIENTS = "clients"
@@ -65,7 +66,8 @@ def files_below(folder: Path) -> dict[str, str]:
 
 def program_paths() -> dict[str, Path]:
     """Name below the endpoint's folder to this octoform's own file, for each file of the program around the server."""
-    paths = [_SOURCE / "__init__.py", *(path for folder in PACKAGES for path in sorted(folder.rglob("*.py")))]
+    modules = (_SOURCE / "__init__.py", _RECORDS)
+    paths = [*modules, *(path for folder in PACKAGES for path in sorted(folder.rglob("*.py")))]
     return {f"{PROGRAM}/{path.relative_to(_SOURCE).as_posix()}": path for path in paths}
 
 
@@ -76,7 +78,7 @@ def program_files() -> dict[str, bytes]:
 
 def program_digest() -> str:
     """Digest of the program that this octoform publishes."""
-    return of_value([files_below(folder) for folder in PACKAGES])
+    return of_value([files_below(folder) for folder in PACKAGES] + [file_digest(_RECORDS)])
 
 
 def folder_digest(folder: Path) -> str | None:

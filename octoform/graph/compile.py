@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING
 
 from octoform.base import digest
 from octoform.graph.model import ANSWER, Agent, Graph, Node, NodeKind
-from octoform.manifest.model import MODEL_FREE, HarnessSpec, Limit, Manifest, Network, Policy, Tunnel
+from octoform.manifest.model import MODEL_FREE, HarnessSpec, Manifest, Network, Tunnel
+from octoform.policy.kinds import one_line
+from octoform.policy.resolve import Policy
 from octoform.protocol import STAGES, Spec, Step
 from octoform.protocol.model import FRAME
 
@@ -27,7 +29,6 @@ decides in which order a run works, never what an output depends on."""
 STEP_INPUTS = ("identify", "interface", "serve", "deploy")
 _PREFIX = "setting."
 SCOPE = f"{_PREFIX}scope"
-_BOUNDS = ("minimum", "maximum", "step", "cumulative")
 
 
 def compile_graph(
@@ -157,22 +158,9 @@ def _policy(policy: Policy) -> Iterator[tuple[str, str]]:
     for index, rule in enumerate(policy.rules):
         yield f"policy.rules[{index}]", f"{rule.decision} {', '.join(rule.tools)}"
     for index, limit in enumerate(policy.limits):
-        yield f"policy.limits[{index}]", _limit(limit)
+        yield f"policy.limits[{index}]", one_line(limit)
     for glob, seconds in policy.timeouts:
         yield f"policy.timeouts {glob}", f"{seconds}s"
-
-
-def _limit(limit: Limit) -> str:
-    """A limit as it is written, in one line."""
-    words = [f"{name} {getattr(limit, name)!r}" for name in _BOUNDS if getattr(limit, name) is not None]
-    if limit.rate is not None:
-        words.append(f"rate {limit.rate[0]}/{limit.rate[1]}s")
-    if limit.cooldown is not None:
-        words.append(f"cooldown {limit.cooldown}s")
-    if limit.quiet_hours is not None:
-        words.append(f"quiet_hours {'-'.join(limit.quiet_hours)}")
-    of = f"{limit.tool} {limit.parameter}" if limit.parameter is not None else limit.tool
-    return f"{of}: {', '.join(words)}"
 
 
 def _of_profiles(profiles: "tuple[Profile, ...]") -> Iterator[tuple[str, str]]:

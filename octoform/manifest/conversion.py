@@ -7,10 +7,10 @@ import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
-from typing import Literal
+from typing import Any, Literal
 
 from octoform.base import digest
-from octoform.base.durations import hours, rate, seconds
+from octoform.base.durations import seconds
 from octoform.manifest import model_url, references
 from octoform.manifest.credentials import LOGINS, Provider, split_model
 from octoform.manifest.model import (
@@ -24,15 +24,12 @@ from octoform.manifest.model import (
     HarnessSpec,
     Housekeeping,
     Lifecycle,
-    Limit,
     Manifest,
     Network,
     Notify,
     Perception,
-    Policy,
     Price,
     ProfileSource,
-    Rule,
     Sandbox,
     StageSettings,
     Tunnel,
@@ -51,6 +48,8 @@ from octoform.manifest.schema.harness import (
     ReplayHarness,
 )
 from octoform.manifest.yaml_tree import Loc
+from octoform.policy import Limit, kinds
+from octoform.policy.resolve import Policy, Rule
 from octoform.records import dataclass
 
 # Who works where: the agents that are in force in a document, and the variable with each one's key.
@@ -174,31 +173,21 @@ def policy(source: policy_schema.Policy) -> Policy:
         actuate=source.actuate,
         irreversible=source.irreversible,
         rules=tuple(Rule(tuple(rule.tools), rule.decision) for rule in source.rules),
-        limits=tuple(_limit(limit) for limit in source.limits),
+        limits=tuple(_limit(limit.model_dump()) for limit in source.limits),
         timeout=seconds(source.timeout) or 0,
         timeouts=tuple((glob, seconds(length) or 0) for glob, length in sorted(source.timeouts.items())),
         result_bytes=source.result_bytes,
     )
 
 
-def _limit(source: policy_schema.Limit) -> Limit:
-    return Limit(
-        tool=source.tool,
-        parameter=source.parameter,
-        minimum=_plain(source.minimum),
-        maximum=_plain(source.maximum),
-        step=_plain(source.step),
-        cumulative=_plain(source.cumulative),
-        rate=rate(source.rate) if source.rate is not None else None,
-        cooldown=seconds(source.cooldown) if source.cooldown is not None else None,
-        quiet_hours=hours(source.quiet_hours) if source.quiet_hours is not None else None,
-        units=tuple(source.units),
-    )
+def _limit(source: Mapping[str, Any]) -> Limit:
+    given = kinds.values({name: _plain(value) for name, value in source.items()})
+    return Limit(source["tool"], source["parameter"], units=source["units"], **given)
 
 
-def _plain(value: float | None) -> float | None:
+def _plain(value: Any) -> Any:
     """An integer as one, so that messages show it as it was written."""
-    return int(value) if value is not None and value.is_integer() else value
+    return int(value) if isinstance(value, float) and value.is_integer() else value
 
 
 def build(

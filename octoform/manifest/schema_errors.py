@@ -27,6 +27,7 @@ from octoform.manifest.schema.harness import NAMES, TAGS, CommandHarness, Confin
 from octoform.manifest.schema.sections import Daemon, Limit, Network, Notify, Policy, Rule, Tunnel
 from octoform.manifest.yaml_tree import Items, Loc, Scalar, Table
 from octoform.patterns import regex
+from octoform.policy.kinds import SETTINGS
 
 # The words of the manifest's messages, apart from the rules: a message can be improved without reading the logic.
 
@@ -77,8 +78,7 @@ RANGES = {
     "rules.tools": "name the tools that it is for, such as [move_rail]; allowed: 1 to 100",
     "limits": "allowed: up to 200 limits",
     "parameter": "name one parameter of the tools, such as percent",
-    **dict.fromkeys(("minimum", "maximum"), "write a number, such as -2000 or 0.5"),
-    **dict.fromkeys(("step", "cumulative"), "write how far it may go, in both directions, such as 500"),
+    **{name: setting.form.hint for name, setting in SETTINGS.items() if not setting.form.pattern},
     "result_bytes": "allowed: 1000 to 1000000000",
     "port": "allowed: 1 to 65535",
     "hosts": "allowed: up to 100 names",

@@ -52,12 +52,12 @@ class Profile:
     """One profile file.
 
     ``text`` is the whole file, ``body`` its prose, ``digest`` that of its text. ``evidence`` is the rule over what
-    PROBE saw. Each of ``limits`` has at least one of ``minimum``, ``maximum``, ``step``, ``cumulative`` (numbers, with
-    their ``parameter``), ``rate``, ``cooldown`` and ``quiet_hours`` (texts, see `octoform.base.durations`), and may
-    have ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the bounds of the protocol
-    definition's parameters are among them, and those of the rig come last. ``stop`` is what the emergency stop does,
-    ``grammar`` the commands of a product that is driven by lines or by registers, as it is on this rig. ``product`` is
-    the product's own name, empty where ``about`` states it. ``rig`` is what is true of the owner's own copy alone.
+    PROBE saw. Each of ``limits`` has settings of `octoform.policy.kinds` as they are written, those for a value with
+    their ``parameter``, and may have ``tool`` (a glob over the names of tools and capabilities) and ``unit``; the
+    bounds of the protocol definition's parameters are among them, and those of the rig come last. ``stop`` is what the
+    emergency stop does, ``grammar`` the commands of a product that is driven by lines or by registers, as it is on
+    this rig. ``product`` is the product's own name, empty where ``about`` states it. ``rig`` is what is true of the
+    owner's own copy alone.
     """
 
     name: str

@@ -14,7 +14,8 @@ from octoform.base import digest
 from octoform.diagnostics import Diagnostic, did_you_mean, error, has_errors, warning
 from octoform.frontmatter import Document, Place
 from octoform.patterns import regex
-from octoform.profiles import definition_parser, limits, match_rule
+from octoform.policy.kinds import BOUNDS, PACES, RANGE, SETTINGS, Cumulative
+from octoform.profiles import definition_parser, match_rule
 from octoform.profiles.definition_forms import Found, near
 from octoform.profiles.match_rule import Rule
 from octoform.profiles.model import Grammar, Profile, Rig, Stop
@@ -372,11 +373,46 @@ def _limits(
         if not isinstance(item, Mapping):
             found.append(document.problem("PROFILE-LIMIT", "a limit is a mapping", where))
             continue
-        found += _unknown(document, item, limits.FIELDS, where)
-        problem = limits.problem(item)
+        found += _unknown(document, item, ("tool", "parameter", "unit", "zero", *SETTINGS), where)
+        problem = _problem_of(item)
         if problem is not None:
             found.append(document.problem("PROFILE-LIMIT", problem[0], where, problem[1]))
     return tuple(given), found
+
+
+def _problem_of(item: Mapping[str, Any]) -> tuple[str, str | None] | None:
+    """The problem of a limit, and what to do about it; None when it is sound. Unknown fields are another matter."""
+    words = [name for name in ("parameter", "tool", "unit", "zero") if name in item]
+    for name in words:
+        if not (isinstance(item[name], str) and item[name].strip()):
+            return f"{name!r} of a limit is not a string", None
+    given = [name for name in SETTINGS if name in item]
+    bounds = [name for name in given if name in BOUNDS]
+    if not given:
+        return "the limit bounds nothing", f"give it one of {', '.join((*BOUNDS, *PACES))}"
+    if bounds and "parameter" not in item:
+        return "the limit does not name its parameter", f"name the parameter {bounds[0]!r} is"
+    if not bounds and "parameter" in item:
+        return "nothing in the limit speaks of its parameter", f"remove it, or give one of {', '.join(BOUNDS)}"
+    if "zero" in item and Cumulative.name not in item:
+        return (
+            f"`zero` is of a limit without `{Cumulative.name}`",
+            "it names the tool after which a sum begins again at zero",
+        )
+    if not bounds and "tool" not in item:
+        return "the limit does not name its tool", f"name the tool {given[0]!r} is"
+    return _problem_of_values(item)
+
+
+def _problem_of_values(item: Mapping[str, Any]) -> tuple[str, str | None] | None:
+    given = [name for name in SETTINGS if name in item]
+    for name in given:
+        wrong = SETTINGS[name].form.problem(item[name])
+        if wrong is not None:
+            return f"{name!r} of the limit {wrong[0]}", wrong[1]
+    if set(RANGE) <= set(given) and item[RANGE[0]] > item[RANGE[1]]:
+        return "the minimum is above the maximum", None
+    return None
 
 
 def _rig(document: Document, grammar: Grammar | None) -> tuple[Rig, list[Diagnostic]]:

@@ -7,7 +7,8 @@ from types import MappingProxyType
 from typing import Any
 
 from octoform.patterns import regex
-from octoform.profiles import limits, match_rule
+from octoform.policy.kinds import describe
+from octoform.profiles import match_rule
 from octoform.profiles.model import Profile, plain
 
 MAX_LINE, MAX_DEPTH = 100, 3
@@ -135,7 +136,7 @@ def of_rig(profile: Profile) -> Iterator[str]:
 
 
 def _limits(given: Iterable[Mapping[str, Any]]) -> list[str]:
-    return [f"Limit: {words}." for item in given for words in limits.describe(item)]
+    return [f"Limit: {words}." for item in given for words in describe(item)]
 
 
 def for_task(profile: Profile, ids: Collection[str]) -> dict[str, Any]:

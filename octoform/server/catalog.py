@@ -25,12 +25,12 @@ from mcp_types import (
 )
 
 from octoform.base.escaping import display, escaped
+from octoform.policy.published import Policy
 from octoform.server.internals import low_level, strip
 from octoform.server.notifications import Changes
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.principal import current
 from octoform.server.resources import DEVICES, FRAMES, Frames, Resources
-from octoform.server.tool_policy import Policy
 
 # The list of tools that a client gets: the same for everybody who may use them, in an order that never changes.
 #

@@ -22,9 +22,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Protocol
 
+from octoform.policy.published import Policy, StopAction
 from octoform.server.audit.audit_log import Audit
 from octoform.server.latch import Estop, Latch
-from octoform.server.tool_policy import Policy, StopAction
 
 SECONDS = 2.0
 """Seconds that one stop action may take."""

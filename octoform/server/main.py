@@ -15,7 +15,7 @@ from typing import Any
 
 from octoform.base import files, processes
 from octoform.base.shortage import TEXT, limits, printed
-from octoform.server.tool_policy import PolicyInvalid
+from octoform.policy.published import PolicyInvalid
 
 from .audit.audit_log import AuditFailed
 from .process.descriptor import Descriptor, RefusedError, digest_of, digest_of_file, read, untouched

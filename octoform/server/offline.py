@@ -48,7 +48,7 @@ def _clear(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _limits(folder: Path, _: Mapping[str, Any]) -> dict[str, Any]:
     """The counted limits and what is used of them, by tool."""
-    policy, limits = _module("tool_policy"), _module("limits")
+    policy, limits = _policy("published"), _policy("enforce")
     try:
         read = policy.read(folder / "policy.json")
     except policy.PolicyInvalid as problem:
@@ -58,7 +58,7 @@ def _limits(folder: Path, _: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _reset(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
-    policy, limits = _module("tool_policy"), _module("limits")
+    policy, limits = _policy("published"), _policy("enforce")
     tool = asked.get("tool")
     try:
         ledger = limits.Ledger(policy.read(folder / "policy.json"), _beside(folder, "run") / "limits.json")
@@ -82,7 +82,7 @@ def _note(folder: Path, asked: Mapping[str, Any]) -> dict[str, Any]:
 
 def _emergency(folder: Path, *, stopping: bool) -> Any:
     """All that there is: what cannot be had is reported, and hinders nothing else."""
-    latch, policy = _module("latch"), _module("tool_policy")
+    latch, policy = _module("latch"), _policy("published")
     problems: list[str] = []
     try:
         log = _log(folder)
@@ -132,6 +132,10 @@ def _log(folder: Path) -> Any:
 
 def _beside(folder: Path, name: str) -> Path:
     return folder.parent / name
+
+
+def _policy(name: str) -> Any:
+    return importlib.import_module(f"octoform.policy.{name}")
 
 
 def _module(name: str) -> Any:

@@ -19,8 +19,8 @@ from typing import Any
 
 from octoform.base.clock import boot_id, boottime
 from octoform.base.files import read_json, record
+from octoform.policy.published import Units
 from octoform.server.process.stderr_log import write_line
-from octoform.server.tool_policy import Units
 
 NAME = "restrictions.json"
 FORMAT = 1

@@ -11,12 +11,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from octoform.base.clock import boot_id
-from octoform.server import tool_policy
+from octoform.policy import published
+from octoform.policy.enforce import Ledger
 from octoform.server.catalog import offer
 from octoform.server.emergency_stop import ENDING, Emergency, Running
 from octoform.server.internals import lifespan, low_level
 from octoform.server.latch import Latch
-from octoform.server.limits import Ledger
 from octoform.server.resources import DEVICES, FRAMES
 from octoform.server.restrictions import CLAIMS_NAME as CLAIMS
 from octoform.server.restrictions import NAME as RESTRICTIONS
@@ -72,7 +72,7 @@ class Endpoint:
     """The endpoint of one host, from `serve` until the process is asked to stop."""
 
     def __init__(self, descriptor: Descriptor, owner: Owner, server: Any) -> None:
-        rules = tool_policy.read(descriptor.policy)
+        rules = published.read(descriptor.policy)
         self._descriptor = descriptor
         self._owner = owner
         self._server = server

@@ -5,9 +5,9 @@ from dataclasses import asdict
 from typing import Any
 
 from octoform.engine.profiles import Draft, HostReport, Met, ProfileReport
+from octoform.policy.kinds import describe
 from octoform.profiles import selection
 from octoform.profiles.definition_forms import Value
-from octoform.profiles.limits import describe
 from octoform.profiles.lines import Command, LineDefinition
 from octoform.profiles.match_rule import Judged
 from octoform.profiles.model import Grammar, Profile, plain

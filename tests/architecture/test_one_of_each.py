@@ -38,16 +38,17 @@ IDEAS = {
     "the key part of a consumed output": (r"'input\.'|f'input\.\{", "graph/model.py"),
     "the hash of a node's inputs in its state": (r"(?:'key': |\bkey=)\w*\.?key_of\(", "state/accepted.py"),
     "the way back from a stage": (r"'deploy': 'serve'\}|'deploy': \w+\('serve'", "graph/compile.py"),
+    "a kind of limit": (r"'(?:cooldown|cumulative|quiet_hours)'", "policy/kinds.py"),
     "the line of a process in /proc": (r"r(?:index|find|partition)\(b?'\)'\)", "base/processes.py"),
 }
-COPIED = ("base", "runtime", "server")
+COPIED = ("base", "policy", "runtime", "server")
 SERVED = re.compile(r"\b(?:fastmcp|pydantic|opencv-python-headless|pyserial|typing-extensions)[<>=~][^\"']*")
 """A requirement of a package that generated servers import."""
 # A source that has none of this, in whatever form it is written, has none of the ideas.
 POSSIBLE = re.compile(
     r"OtherFormatError|['\"]format['\"]|private_folder|mkdir|kill|pidfd_send|cmdline|%Y|isoformat|CLOCK_BOOTTIME"
     r"|boot_id|['\"]deploy['\"]: |packed-refs|commondir|gitdir: |['\"]ref: |['\"]healthy|['\"]until"
-    r"|key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
+    r"|cooldown|key_of|input\.|\bf?lockf?\b|~0|\\[xuU]\{|\)['\"]\)"
 )
 
 
@@ -271,6 +272,7 @@ OTHER_CARRIERS = {
     "claims/model.py": ["Restriction"],  # calls that are forbidden, by values of some arguments
     "harness/react/agent_tools.py": ["Ready"],  # a tool of an agent, on its own files
     "perception/frames.py": ["Camera"],  # the record of a picture, as it lies on disk
+    "policy/__init__.py": ["Call"],  # what a limit is asked about, with what counted before it
     "server/restrictions.py": ["Subject", "Entry"],  # what a restriction is asked about, and what is restricted
 }
 

@@ -32,7 +32,6 @@ SAME = {
     "files": {"base", "state"},
     "heal": {"apply", "builtin", "engine"},
     "instance_lock": {"daemon", "server"},
-    "limits": {"endpoint", "profiles", "server"},
     "lines": {"builtin", "profiles", "runtime"},
     "registers": {"builtin", "profiles", "runtime"},
     "sysfs": {"builtin", "runtime"},

@@ -32,10 +32,10 @@ from octoform.daemon.reconcile.supervisor import Cycle, Supervisor
 from octoform.diagnostics import Diagnostic
 from octoform.endpoint.published_files import POLICY
 from octoform.manifest.model import Daemon
+from octoform.policy.published import read
 from octoform.profiles.registers import RegisterDefinition
 from octoform.server.gate.tool_registry import Entries
 from octoform.server.restrictions import Restrictions
-from octoform.server.tool_policy import read
 from octoform.state.layout import Layout
 
 DAY, HOUR, MINUTE = 86400.0, 3600.0, 60.0

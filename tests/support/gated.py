@@ -11,12 +11,12 @@ from typing import Any
 
 from fastmcp import Client, FastMCP
 
-from octoform.server import tool_policy as policies
+from octoform.policy import published as policies
+from octoform.policy.enforce import Ledger
 from octoform.server.audit.audit_log import Audit
 from octoform.server.execution.work import Patience
 from octoform.server.gate.gate import Gate
 from octoform.server.latch import Latch
-from octoform.server.limits import Ledger
 
 QUICK = Patience(answer=0.05, stuck=0.1, again=0.05)
 MODES = ("auto", "legacy")

@@ -24,8 +24,8 @@ from mcp_types import (
     ToolListChangedNotification,
 )
 
+from octoform.policy.published import Mode, Policy, ToolPolicy
 from octoform.server.catalog import Offer, offer
-from octoform.server.tool_policy import Mode, Policy, ToolPolicy
 
 ERAS = ("legacy", "auto")
 PICTURE = b"\x89PNG\r\n\x1a\n" + bytes(range(200))

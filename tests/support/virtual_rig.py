@@ -23,8 +23,7 @@ from octoform.builtin.identify import identify
 from octoform.builtin.interface import declare
 from octoform.builtin.probe import probe_root
 from octoform.builtin.serve.stage import render
-from octoform.endpoint.policy import resolve
-from octoform.manifest.model import Policy
+from octoform.policy.resolve import Policy, resolve
 from octoform.profiles import Profile, devices_of, for_task
 from octoform.profiles.profile_parser import load
 from octoform.simulation.rail_firmware import LineDevice

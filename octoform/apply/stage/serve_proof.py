@@ -40,13 +40,13 @@ from octoform.endpoint.environment.lockfile import OFFLINE, resolve
 from octoform.endpoint.environment.model import Environment, packages_of, providers, requirements
 from octoform.endpoint.environment.system_programs import lacks, missing_programs
 from octoform.endpoint.expected_tools import display
-from octoform.endpoint.policy import Holding
-from octoform.endpoint.policy import resolve as resolve_policy
 from octoform.endpoint.policy_check import doubts
 from octoform.endpoint.process.record import refusal
 from octoform.endpoint.process.start_stop import PUBLISHED_BYTES, obstacle, stop
 from octoform.endpoint.publication import Service, write_endpoint
 from octoform.harness.port import Task
+from octoform.policy.resolve import Holding
+from octoform.policy.resolve import resolve as resolve_policy
 from octoform.profiles.selection import devices_of
 
 _AGAIN = "octoform apply makes and starts it when it may run again"

@@ -20,9 +20,9 @@ from octoform.endpoint.client.jsonrpc import ToolCall
 from octoform.endpoint.client.sdk_client import ClientReport, converse, recorded_environment
 from octoform.endpoint.expected_tools import untried
 from octoform.endpoint.logs import LoggedCall, calls_after, mark
-from octoform.endpoint.policy import LINE
 from octoform.endpoint.process.start_stop import clear_left, start
 from octoform.endpoint.published_files import CHECK
+from octoform.policy.resolve import LINE
 from octoform.records import dataclass, replace
 from octoform.state.files import write_atomic
 from octoform.state.layout import Layout

@@ -10,8 +10,8 @@ from typing import Any
 
 from octoform.base.quantities import BOUNDS, COUNTS, is_possible, last_word, unit_in, unit_of_name, unit_of_text
 from octoform.diagnostics import Diagnostic, error, has_errors, warning
-from octoform.endpoint.policy import LINE
 from octoform.patterns import regex
+from octoform.policy.resolve import LINE
 from octoform.records import dataclass
 
 # What a check of the endpoint saw, as values.

@@ -258,9 +258,11 @@ def _tables(cls: type[Table]) -> Iterator[type[Table]]:
 
 def _descriptions(table: type[Table]) -> dict[str, str]:
     """The string below each setting of a table. Only the schema shows them, so nothing else reads the source for it."""
+    inherited = [_descriptions(cls) for cls in table.__bases__ if issubclass(cls, Table)]
+    if all(field.description for name, field in table.model_fields.items() if name in inspect.get_annotations(table)):
+        return dict(ChainMap(*inherited))  # the fields have them already: it is made of data, and has no source
     (node,) = ast.parse(dedent(inspect.getsource(table))).body
     assert isinstance(node, ast.ClassDef)
-    inherited = [_descriptions(cls) for cls in table.__bases__ if issubclass(cls, Table)]
     return dict(ChainMap(*inherited)) | {
         setting.target.id: inspect.cleandoc(text.value.value)
         for setting, text in pairwise(node.body)

@@ -4,14 +4,14 @@
 """
 
 import re
+from functools import partial
 from ipaddress import ip_address
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from pydantic import AfterValidator, BeforeValidator, Field, model_validator
+from pydantic import AfterValidator, BeforeValidator, Field, create_model, model_validator
 
-from octoform.base.durations import HOURS_PATTERN, RATE_PATTERN, hours, rate
 from octoform.manifest import model_url
-from octoform.manifest.model import EVERY_INTERFACE, FIRST_PORT, RESULT_BYTES, TIMEOUT, TUNNEL_COMMAND, TUNNEL_URL
+from octoform.manifest.model import EVERY_INTERFACE, FIRST_PORT, TUNNEL_COMMAND, TUNNEL_URL
 from octoform.manifest.schema.fields import (
     UNIQUE,
     Argument,
@@ -20,16 +20,16 @@ from octoform.manifest.schema.fields import (
     Duration,
     Interval,
     Table,
+    added,
     distinct,
     problem,
 )
 from octoform.patterns import regex
+from octoform.policy import DURATION, Form, Setting
+from octoform.policy.kinds import BOUNDS, PACES, RANGE, SETTINGS
+from octoform.policy.resolve import RESULT_BYTES, TIMEOUT
 
 GLOB_PATTERN = r"^[A-Za-z0-9_.*?-]{1,128}$"
-BOUNDS = ("minimum", "maximum", "step", "cumulative")
-"""The fields of a limit for the value of a parameter."""
-PACES = ("rate", "cooldown", "quiet_hours")
-"""The fields of a limit for calls, whatever their arguments."""
 
 
 def _glob(value: str) -> str:
@@ -41,24 +41,10 @@ def _glob(value: str) -> str:
     )
 
 
-def _rate(value: object) -> object:
-    if isinstance(value, str) and rate(value) is not None:
-        return value
-    raise problem("this is no rate", "write how many calls in which time, at most 24h: `10/1m`, `1/30s`")
-
-
-def _hours(value: object) -> object:
-    if isinstance(value, str) and hours(value) is not None:
-        return value
-    raise problem("these are no hours of a day", "write two different times of 24 hours: `22:00-07:00`")
-
-
 Glob = Annotated[str, AfterValidator(_glob), Field(json_schema_extra={"pattern": GLOB_PATTERN})]
 Decision = Literal["allow", "confirm", "deny"]
 Number = Annotated[float, Field(allow_inf_nan=False)]
 Positive = Annotated[float, Field(gt=0, allow_inf_nan=False)]
-CallRate = Annotated[str, BeforeValidator(_rate), Field(json_schema_extra={"pattern": RATE_PATTERN})]
-Hours = Annotated[str, BeforeValidator(_hours), Field(json_schema_extra={"pattern": HOURS_PATTERN})]
 
 
 class Rule(Table):
@@ -72,27 +58,51 @@ class Rule(Table):
     """Let a call pass, ask a person first, or refuse it."""
 
 
-class Limit(Table):
-    """The rules for every call, of any caller."""
+class Target(Table):
+    """The calls that a limit is about."""
 
     tool: Glob
     """Which tools: a name; * stands for any characters, ? for one."""
     parameter: Annotated[str, Field(min_length=1, max_length=64)] | None = None
-    """Which parameter minimum, maximum, step and cumulative speak of."""
-    minimum: Number | None = None
-    """The lowest value of the parameter."""
-    maximum: Number | None = None
-    """The highest value of the parameter."""
-    step: Positive | None = None
-    """The most that the value may differ from that of the call before."""
-    cumulative: Positive | None = None
-    """The most that all values may come to, positive and negative ones added up."""
-    rate: CallRate | None = None
-    """The most calls in a time: 10/1m."""
-    cooldown: Duration | None = None
-    """The least time between two calls."""
-    quiet_hours: Hours | None = None
-    """When no call passes, in the host's local time: 22:00-07:00."""
+    """The parameter whose value is limited; without one the calls are, whatever their arguments."""
+
+
+def _value(setting: Setting) -> Any:
+    """The type of a setting's value."""
+    form = setting.form
+    if form is DURATION:
+        return Duration
+    if not form.pattern:
+        return Positive if form.is_positive else Number
+    return Annotated[str, BeforeValidator(partial(_text, form)), Field(json_schema_extra={"pattern": form.pattern})]
+
+
+def _text(form: Form, value: object) -> object:
+    wrong = form.problem(value)
+    if wrong is not None:
+        raise problem(f"{'these' if wrong[0].startswith('are') else 'this'} {wrong[0]}", wrong[1])
+    return value
+
+
+def _field(setting: Setting) -> Any:
+    default = None if setting.first else added(None)
+    return Annotated[_value(setting) | None, Field(description=setting.about)], default
+
+
+if TYPE_CHECKING:
+    _Settings = Target
+else:
+    _Settings = create_model(
+        "_Settings",
+        __base__=Target,
+        __module__=__name__,
+        **{name: _field(setting) for name, setting in SETTINGS.items()},
+    )
+
+
+class Limit(_Settings):
+    """The rules for every call, of any caller."""
+
     units: Annotated[
         list[Annotated[str, Field(min_length=1, max_length=64)]],
         AfterValidator(distinct),
@@ -102,8 +112,9 @@ class Limit(Table):
 
     @model_validator(mode="after")
     def _limits_something(self) -> "Limit":
-        bounds = [name for name in BOUNDS if getattr(self, name) is not None]
-        if not bounds and all(getattr(self, name) is None for name in PACES):
+        given = [name for name in SETTINGS if getattr(self, name) is not None]
+        bounds = [name for name in given if name in BOUNDS]
+        if not given:
             raise problem("this limit limits nothing", f"add one of {', '.join((*BOUNDS, *PACES))}")
         if bounds and self.parameter is None:
             what = f"this limit names no parameter: `{bounds[0]}` is"
@@ -111,9 +122,9 @@ class Limit(Table):
         if self.parameter is not None and not bounds:
             what = "no limit here is for a parameter: these limits count calls, whatever their arguments"
             raise problem(what, f"remove it, or add one of {', '.join(BOUNDS)}", "parameter")
-        if self.minimum is not None and self.maximum is not None and self.minimum > self.maximum:
+        if set(RANGE) <= set(bounds) and getattr(self, RANGE[0]) > getattr(self, RANGE[1]):
             raise problem("the minimum is above the maximum", "no value would pass; exchange the two", "minimum")
-        if self.units and (self.step is not None or self.cumulative is not None or not bounds):
+        if self.units and (not bounds or not set(bounds) <= set(RANGE)):
             what = "`units` narrows minimum and maximum, and nothing else"
             raise problem(what, "write the other limits in a separate entry", "units")
         return self

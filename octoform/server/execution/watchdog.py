@@ -23,7 +23,6 @@ from queue import SimpleQueue
 from types import CodeType, FrameType
 from typing import Any, Protocol
 
-from octoform.base import files
 from octoform.server.internals import tool_thread
 
 try:  # where a server has it, anyio asks it which event loop this is
@@ -176,7 +175,7 @@ BLOCKED_SECONDS = 2.0
 """What a loop has for one turn else. Counted in looks, so that a machine that slept or had no time blames no one."""
 _LOOP = asyncio.Handle._run.__code__
 """Where the event loop calls what is ready."""
-_PACKAGES = tuple(f"{place}{os.sep}" for place in (Path(__file__).parents[1], Path(files.__file__).parent))
+_PACKAGES = tuple(f"{Path(__file__).parents[2] / name}{os.sep}" for name in ("server", "policy", "base"))
 
 
 class Blocked(Exception):

@@ -14,15 +14,16 @@ from typing import Any
 
 from fastmcp.server.dependencies import fastmcp_request_ctx
 
+from octoform.policy import is_number
+from octoform.policy.enforce import Ledger, beyond_text
+from octoform.policy.published import Reports, ToolPolicy
 from octoform.server.audit.audit_log import Audit, AuditFailed
 from octoform.server.execution.bus_queue import Holder
 from octoform.server.execution.work import Work
-from octoform.server.limits import Ledger, beyond_text, is_number, outside
 from octoform.server.process import principal
 from octoform.server.process.local_socket import Client, client_of
 from octoform.server.process.principal import Principal
 from octoform.server.process.stderr_log import write_line
-from octoform.server.tool_policy import Reports, ToolPolicy
 
 from .argument_validation import NOTHING, Effective
 from .tool_registry import Entry
@@ -234,7 +235,7 @@ def seen(policy: ToolPolicy, arguments: Mapping[str, Any], content: Any) -> Seen
     ranged = [limit for limit in policy.places if limit.of in moved]
     for limit in ranged:
         within = units.reports.within if units.reports is not None else 0.0
-        if limit.of in places and (text := outside(limit, places[limit.of], within)):
+        if limit.of in places and (text := limit.outside(places[limit.of], within)):
             found[limit.of] = text
     return Seen(found, tuple(limit.of for limit in ranged if limit.of not in places))
 

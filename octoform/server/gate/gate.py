@@ -25,6 +25,8 @@ from mcp_types import CallToolRequestParams
 from pydantic import ValidationError
 
 from octoform.base.escaping import display
+from octoform.policy.enforce import Ledger
+from octoform.policy.published import Policy
 from octoform.server.audit.audit_log import Audit
 from octoform.server.execution.bus_queue import Busy, Holder, abandon, release, take, take_free
 from octoform.server.execution.result_size import of_result
@@ -32,12 +34,10 @@ from octoform.server.execution.watchdog import WATCHDOG, Workers
 from octoform.server.execution.work import FRAMES, Patience, Stopped, TooLarge, Work, current, masked
 from octoform.server.internals import mask_errors
 from octoform.server.latch import Latch
-from octoform.server.limits import Ledger
 from octoform.server.process import principal
 from octoform.server.process.device_presence import Presence
 from octoform.server.process.local_socket import client_of
 from octoform.server.restrictions import Restrictions
-from octoform.server.tool_policy import Policy
 
 from . import messages
 from .calls import Call, CallRefused, Records, held

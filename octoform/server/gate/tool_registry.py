@@ -18,12 +18,12 @@ from fastmcp.utilities.json_schema import dereference_refs
 from fastmcp.utilities.types import find_kwarg_by_type
 from mcp_types import InputRequiredResult
 
+from octoform.policy.published import Policy, ToolPolicy
 from octoform.server.execution.bus_queue import Bus
 from octoform.server.execution.work import current, guard
 from octoform.server.internals import holds, is_extended, low_level
 from octoform.server.process import principal
 from octoform.server.restrictions import Subject
-from octoform.server.tool_policy import Policy, ToolPolicy
 
 from .argument_validation import Check, Coerce, Effective, check, coercion
 

@@ -12,6 +12,7 @@ from octoform.endpoint.access.tokens import Made
 from octoform.endpoint.access.tunnel import Revocation
 from octoform.endpoint.process.estop import Estop
 from octoform.engine.safety import TokenValue
+from octoform.policy.kinds import entry
 from octoform.views.format import problems
 from octoform.views.format.console import Console
 from octoform.views.format.output import document
@@ -130,27 +131,8 @@ def limits(console: Console, found: Limits, *, as_json: bool) -> int:
 
 def _limit(limit: Mapping[str, Any], tool: Limited) -> str:
     """A limit in words, with what is used of it."""
-    kind, name = limit["kind"], str(limit.get("parameter"))
-    unit = f" {limit['unit']}" if limit.get("unit") else ""
-    if kind in ("range", "goal"):
-        name = name if kind == "range" else f"the goal of {limit['of']}"
-        low, high = limit.get("minimum"), limit.get("maximum")
-        ends = f"at most {high}" if low is None else f"at least {low}" if high is None else f"{low} to {high}"
-        return f"{name}: {ends}{unit}"
-    if kind == "step":
-        last = f"; the last one was {tool.last[name]}{unit}" if name in tool.last else ""
-        return f"{name}: changed by {limit['most']}{unit} at most{last}"
-    if kind == "cumulative":
-        since = f" since {limit['zero']}" if limit.get("zero") else ""
-        used = tool.sums.get(f"{name}{since}", 0)
-        return f"{name}: sum of all calls{since} {limit['most']}{unit} at most; it is {used}{unit}"
-    if kind == "rate":
-        recent = sum(1 for age in tool.calls if age < limit["seconds"])
-        return f"{limit['calls']} calls in {limit['seconds']:g} s; {recent} used"
-    if kind == "cooldown":
-        wait = limit["seconds"] - min(tool.calls, default=limit["seconds"])
-        return f"{limit['seconds']:g} s between two calls" + (f"; the next in {wait:.1f} s" if wait > 0 else "")
-    return f"not from {limit['from']} to {limit['to']}"
+    found = entry(limit, tool.tool)
+    return "; ".join(text for text in (found.describe(), found.spent(tool)) if text)
 
 
 def reset(console: Console, tool: str, *, as_json: bool) -> int:

@@ -9,14 +9,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.policy import resolve
 from octoform.endpoint.policy_check import doubts
-from octoform.manifest.model import Limit, Policy, Rule
+from octoform.policy import Limit
+from octoform.policy import published as launcher
+from octoform.policy.enforce import Ledger
+from octoform.policy.resolve import Policy, Rule, resolve
 from octoform.profiles import Profile
 from octoform.profiles.match_rule import Rule as Evidence
 from octoform.profiles.model import Stop
-from octoform.server import tool_policy as launcher
-from octoform.server.limits import Ledger
 
 
 def tool(name: str = "move_joint", effect: str = "actuate", **more: Any) -> dict[str, Any]:

@@ -207,7 +207,7 @@ def test_what_an_earlier_octoform_published_beside_it_goes(layout: Layout, servi
         path.write_text("FORMER = True\n")
     publish(layout, serving)
     assert [path for path in former if path.exists()] == []
-    assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "server", "__pycache__"}
+    assert {path.name for path in program.iterdir() if path.is_dir()} == {"base", "policy", "server", "__pycache__"}
     assert (program / "server" / "gate" / "gate.py").is_file()
 
 

@@ -8,7 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from octoform.manifest.loader import parse
-from octoform.manifest.model import Limit, Manifest, Network, Policy, Rule, Tunnel
+from octoform.manifest.model import Manifest, Network, Tunnel
+from octoform.policy import Limit
+from octoform.policy.resolve import Policy, Rule
 
 DOCS = Path(__file__).parents[3] / "docs" / "manifest.md"
 LOCAL = "sha256:400ce40b1f3f6379da02d2756531423078e042547f7bd71ad5c151d66e34c5a6"
@@ -85,7 +87,7 @@ def test_the_documented_example_says_what_it_seems_to_say() -> None:
 
 def test_whole_numbers_stay_whole() -> None:
     (limit,) = loaded("policy: {limits: [{tool: a, parameter: p, minimum: -2, maximum: 1.5}]}").policy.limits
-    assert (repr(limit.minimum), repr(limit.maximum)) == ("-2", "1.5")
+    assert {name: repr(value) for name, value in limit.values.items()} == {"minimum": "-2", "maximum": "1.5"}
 
 
 @pytest.mark.parametrize(

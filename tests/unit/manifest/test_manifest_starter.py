@@ -103,7 +103,7 @@ def test_the_commented_settings_are_valid_too(tmp_path: Path) -> None:
     assert manifest.budget_for("identify").attempts == 5
     assert manifest.tunnel == Tunnel()
     assert manifest.network == Network(hosts=("bench.example.org",))
-    assert [limit.rate for limit in manifest.policy.limits] == [None, None, (10, 60)]
+    assert [limit.values.get("rate") for limit in manifest.policy.limits] == [None, None, (10, 60)]
     assert manifest.policy.timeout_for("capture_image") == 60
     assert manifest.perception == Perception(enabled=False, camera="usb-0000-0000", interval=300)
     result = Notify(("./notify-me",), "https://alerts.example.org/hook", desktop=True)

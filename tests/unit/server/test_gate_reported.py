@@ -6,8 +6,8 @@ from typing import Any
 
 from gated import gated, tool_policy
 
-from octoform.server import tool_policy as policies
-from octoform.server.limits import Ledger
+from octoform.policy import published as policies
+from octoform.policy.enforce import Ledger
 
 factor = 1
 

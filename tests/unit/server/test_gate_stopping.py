@@ -15,12 +15,12 @@ from launched import launched, tool
 from raw_mcp import RawClient, call
 from unit.server.server_lines import Line
 
+from octoform.policy.published import StopAction
 from octoform.server import emergency_stop as stopping
 from octoform.server.audit.audit_log import Audit
 from octoform.server.emergency_stop import Emergency
 from octoform.server.execution.watchdog import Interrupted, Job, Workers
 from octoform.server.latch import Latch
-from octoform.server.tool_policy import StopAction
 
 STOP = b"STOP"
 RATE = {"kind": "rate", "calls": 1000, "seconds": 60.0, "source": "bench"}

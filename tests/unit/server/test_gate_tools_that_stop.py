@@ -10,9 +10,8 @@ from typing import Any
 import pytest
 from gated import Gated, gated
 
-from octoform.endpoint.policy import resolve
-from octoform.manifest.model import Limit, Policy, Rule
-from octoform.server import tool_policy
+from octoform.policy import Limit, published
+from octoform.policy.resolve import Policy, Rule, resolve
 
 begun, may_end = threading.Event(), threading.Event()
 log: list[str] = []
@@ -127,7 +126,7 @@ def test_policy_limits_and_the_latch_hold_for_it(tmp_path: Path, given: Policy, 
 
 
 def test_other_tools_of_the_device_wait_for_it_as_ever() -> None:
-    found = tool_policy.parse(resolve(Policy(), TOOLS.values(), ()))
+    found = published.parse(resolve(Policy(), TOOLS.values(), ()))
     assert {name: item.buses for name, item in found.tools.items()} == {
         "arm_move": ("arm",),
         "arm_stop": (),
@@ -139,5 +138,5 @@ def test_other_tools_of_the_device_wait_for_it_as_ever() -> None:
 def test_a_policy_file_with_a_strange_word_on_stopping_is_refused(odd: object) -> None:
     document = resolve(Policy(), TOOLS.values(), ())
     document["tools"]["arm_stop"]["stops"] = odd
-    with pytest.raises(tool_policy.PolicyInvalid, match="stops"):
-        tool_policy.parse(document)
+    with pytest.raises(published.PolicyInvalid, match="stops"):
+        published.parse(document)

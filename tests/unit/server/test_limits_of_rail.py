@@ -13,11 +13,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rig.rail import DEVICE, FARTHEST, HOT, MOST, Rail
 
-from octoform.endpoint.policy import resolve
-from octoform.manifest.model import Limit, Policy
+from octoform.policy import Limit, published
+from octoform.policy.enforce import Ledger
+from octoform.policy.resolve import Policy, resolve
 from octoform.profiles import load
-from octoform.server import tool_policy
-from octoform.server.limits import Ledger
 
 (PROFILE,), _ = load([Path(__file__).parents[3] / "profiles" / "camera-rail.md"])
 LINES = {"rail_move_x": "MOVE_X {steps}", "rail_move_y": "MOVE_Y {steps}", "rail_home": "HOME"}
@@ -42,7 +41,7 @@ class Endpoint:
 
     def __init__(self, folder: Path, given: Policy | None = None, devices: Sequence[str] = (DEVICE,)) -> None:
         document = resolve(given or Policy(), tools(*devices), [(PROFILE, list(devices))])
-        self.policy, self._path = tool_policy.parse(document), folder / "limits.json"
+        self.policy, self._path = published.parse(document), folder / "limits.json"
         self._path.unlink(missing_ok=True)
         self.rail, self.refused = Rail(), 0
         self.start()
@@ -158,5 +157,5 @@ def test_a_policy_file_with_a_strange_zero_is_refused(zero: object) -> None:
     document = resolve(Policy(), tools(DEVICE), [(PROFILE, [DEVICE])])
     document["tools"]["rail_move_x"]["limits"][1]["zero"] = zero
     if zero:
-        with pytest.raises(tool_policy.PolicyInvalid, match="zero"):
-            tool_policy.parse(document)
+        with pytest.raises(published.PolicyInvalid, match="zero"):
+            published.parse(document)

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.endpoint.policy import resolve
-from octoform.manifest.model import Limit, Policy
-from octoform.server import tool_policy
-from octoform.server.limits import Ledger, exact
+from octoform.policy import Limit, exact, published
+from octoform.policy.enforce import Ledger
+from octoform.policy.resolve import Policy, resolve
 
 BOUNDS = {"pan": (-40, 60), "lift": (0, 30), "grip": (-5, 5)}
 FARTHEST = {"pan": 100, "lift": 45, "grip": 12}
@@ -38,14 +37,14 @@ TOOLS = [
 NO_NUMBERS = [float("nan"), float("inf"), -float("inf"), True, False, "10", "", None, [1], {"value": 1}, 10**400]
 
 
-def rules() -> tool_policy.Policy:
+def rules() -> published.Policy:
     """What INTERFACE and manifest give, and sums that begin again at home as a profile's limits do."""
     given = Policy(limits=tuple(Limit("turn", name, cumulative=most) for name, most in FARTHEST.items()))
     document = resolve(given, TOOLS, ())
     for limit in document["tools"]["turn"]["limits"]:
         if limit["kind"] == "cumulative":
             limit["zero"] = "home"
-    return tool_policy.parse(document)
+    return published.parse(document)
 
 
 RULES = rules()

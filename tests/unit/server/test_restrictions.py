@@ -10,8 +10,8 @@ import pytest
 from ledgers import ARM, Bench, Clock
 
 from octoform.base.clock import boottime
+from octoform.policy.published import Units
 from octoform.server.restrictions import MAX_SECONDS, NAME, Restrictions, Subject
-from octoform.server.tool_policy import Units
 
 ENTRY: dict[str, Any] = {
     "claim": "c1",

@@ -16,8 +16,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from octoform.server import tool_policy
-from octoform.server.limits import Ledger, exact
+from octoform.policy import exact, published
+from octoform.policy.enforce import Ledger
 
 RANGE = {
     "kind": "range",
@@ -66,8 +66,8 @@ class Time:
 
 def policy_of(
     *limits: Mapping[str, Any], units: Mapping[str, Any] | None = None, **more: list[Mapping[str, Any]]
-) -> tool_policy.Policy:
-    return tool_policy.parse(
+) -> published.Policy:
+    return published.parse(
         {
             "format": 1,
             "mode": "enforce",
@@ -339,7 +339,7 @@ def test_a_full_disk_counts_nothing_and_leaves_a_whole_file(tmp_path: Path) -> N
     program = f"""
 import resource, signal, sys
 from pathlib import Path
-sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(tool_policy.__file__).parents[3])!r}]
+sys.path[:0] = [{str(Path(__file__).parent)!r}, {str(Path(published.__file__).parents[3])!r}]
 from test_server_limits import SUM, Time, ledger
 signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
 found = ledger(Path({str(tmp_path)!r}), Time(), SUM)
@@ -496,7 +496,7 @@ def test_what_is_kept_is_what_was_counted(
     tmp_path_factory: pytest.TempPathFactory, monkeypatch: pytest.MonkeyPatch, steps: list[tuple[str, int, bool]]
 ) -> None:
     """Through restarts, and through the file being written anew."""
-    monkeypatch.setattr("octoform.server.limit_counters._COMPACT_BYTES", 900)
+    monkeypatch.setattr("octoform.policy.enforce._COMPACT_BYTES", 900)
     folder, time = tmp_path_factory.mktemp("kept"), Time()
     tools: dict[str, Any] = {"a": [RATE], "b": [{**RATE, "calls": 20}, {**SUM, "most": 10**9}], "c": [STEP, COOLDOWN]}
     found = ledger(folder, time, **tools)

@@ -8,7 +8,8 @@ from typing import Any
 
 import pytest
 
-from octoform.server.tool_policy import Limit, PolicyInvalid, StopAction, parse, read, stop_actions
+from octoform.policy.kinds import Cumulative, QuietHours, Range, Rate
+from octoform.policy.published import PolicyInvalid, StopAction, parse, read, stop_actions
 
 DOCUMENT: dict[str, Any] = {
     "format": 1,
@@ -39,10 +40,10 @@ def test_everything_is_read() -> None:
     assert (policy.mode, tool.effect, tool.decision, tool.timeout) == ("enforce", "actuate", "confirm", 30)
     assert tool.buses == ("usb-1", "usb-2")
     assert tool.limits == (
-        Limit("range", "p", parameter="x", maximum=3.5, unit="mm"),
-        Limit("rate", "p", calls=10, seconds=60),
-        Limit("quiet_hours", "p", begin=22 * 60, end=0),
-        Limit("cumulative", "p", parameter="x", most=0, default=2),
+        Range("p", parameter="x", maximum=3.5, unit="mm"),
+        Rate("p", calls=10, seconds=60),
+        QuietHours("p", begin=22 * 60, end=0),
+        Cumulative("p", parameter="x", sum="x", most=0, default=2),
     )
     assert policy.stop == (StopAction("usb-1", "tty", 1000000, b"\xff\xfe", "profile arm"),)
 

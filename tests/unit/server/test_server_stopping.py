@@ -14,10 +14,10 @@ from typing import Any
 import pytest
 from unit.server.server_lines import STOP, Line, host
 
+from octoform.policy.published import Policy, StopAction
 from octoform.server import emergency_stop as stopping
 from octoform.server.audit.audit_log import Audit, verify
 from octoform.server.latch import Latch
-from octoform.server.tool_policy import Policy, StopAction
 
 LAUNCHER = Path(stopping.__file__).parent
 DATA = bytes.fromhex(STOP)
@@ -117,7 +117,7 @@ EXCLUSIVE = """
 import fcntl, json, os, sys, termios
 sys.path.insert(0, sys.argv[2])
 from octoform.server import emergency_stop as stopping
-from octoform.server.tool_policy import Policy, StopAction
+from octoform.policy.published import Policy, StopAction
 if os.geteuid() == 0:
     os.setgroups([]), os.setgid(65534), os.setuid(65534)  # who may do anything is kept out of nothing
 line = os.open(sys.argv[1], os.O_RDWR | os.O_NOCTTY)

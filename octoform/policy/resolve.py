@@ -9,12 +9,81 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING, Any
 
-from octoform.base import durations
-from octoform.manifest.model import Limit, Policy
+from octoform.policy import Claim, Limit
+from octoform.policy.kinds import STATED, Goal, values
 from octoform.records import dataclass
 
 if TYPE_CHECKING:
-    from octoform.profiles.model import Profile
+    from typing import Protocol
+
+    class Source(Protocol):
+        """A profile, as far as it is about calls."""
+
+        @property
+        def name(self) -> str: ...
+        @property
+        def limits(self) -> Sequence[Mapping[str, Any]]: ...
+        @property
+        def stop(self) -> Sequence[Any]: ...
+
+
+# What a manifest lets the endpoint's tools do, as frozen values: decisions, limits, times.
+#
+# It speaks of tools by globs, since which tools there will be is only known once INTERFACE is accepted.
+
+MODES = ("enforce", "shadow", "dry_run")
+EFFECTS = ("read", "actuate", "irreversible")
+DECISIONS = ("allow", "confirm", "deny")
+TIMEOUT = "30s"
+RESULT_BYTES = 10_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """``decision`` (``allow``, ``confirm``, ``deny``) for every tool whose name one of the globs matches."""
+
+    tools: tuple[str, ...]
+    decision: str
+
+    def matches(self, name: str) -> bool:
+        """True for a tool of that name."""
+        return any(fnmatchcase(name, glob) for glob in self.tools)
+
+
+@dataclass(frozen=True, slots=True)
+class Policy:
+    """Decisions by effect class and by rules (the first that matches decides), limits, seconds and bytes.
+
+    ``timeouts`` are (glob, seconds).
+    """
+
+    mode: str = "enforce"
+    read: str = "allow"
+    actuate: str = "confirm"
+    irreversible: str = "confirm"
+    rules: tuple[Rule, ...] = ()
+    limits: tuple[Limit, ...] = ()
+    timeout: float = 30
+    timeouts: tuple[tuple[str, float], ...] = ()
+    result_bytes: int = RESULT_BYTES
+
+    def decision_for(self, effect: str) -> str:
+        """The decision for tools of an effect class that no rule names."""
+        return {"read": self.read, "actuate": self.actuate, "irreversible": self.irreversible}[effect]
+
+    def timeout_for(self, name: str) -> float:
+        """Seconds that one call of a tool may take.
+
+        A mapping has no order, so of several globs the most specific one decides: a name in full, then the one with
+        the most fixed characters; of equal ones the shortest time.
+        """
+        found = [(_weight(glob), -length) for glob, length in self.timeouts if fnmatchcase(name, glob)]
+        return -max(found)[1] if found else self.timeout
+
+
+def _weight(glob: str) -> tuple[bool, int]:
+    fixed = sum(1 for sign in glob if sign not in "*?")
+    return fixed == len(glob), fixed
 
 
 # Ranges of places on the units of a device, brought to every tool that moves these units. Pure, light.
@@ -113,7 +182,7 @@ def _of_all(tool: Tool, known: Mapping[Place, Range], quantity: str, unit: str) 
 def _limit(found: Range, goal: Mapping[str, Any], unit: str) -> dict[str, Any]:
     ends = {"minimum": found.minimum, "maximum": found.maximum}
     return {
-        "kind": "goal",
+        "kind": Goal.name,
         "of": unit,
         **{name: value for name, value in ends.items() if value is not None},
         **({"unit": goal["unit"]} if goal.get("unit") else {}),
@@ -154,20 +223,11 @@ FORMAT = 1
 INTERFACE = "the interface of the tool"
 LINE = "it can write to a line without a profile"
 """The origin of a rule that asks a person whatever the effect: the device's behaviour is unknown."""
-Holding = Sequence["tuple[Profile, Collection[str]]"]
+
+
+Holding = Sequence["tuple[Source, Collection[str]]"]
 """Profiles, each with the ids of the devices that it holds for."""
 Places = Mapping[Place, Range]
-
-
-@dataclass(frozen=True, slots=True)
-class Claim:
-    """One limit of one source, as it concerns one tool; texts of times are numbers here."""
-
-    source: str
-    limit: Limit
-    unit: str = ""
-    zero: str = ""
-    """The tool whose call brings what is summed up back to where the sum began."""
 
 
 def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding, writing: Collection[str] = ()) -> dict[str, Any]:
@@ -190,7 +250,7 @@ def resolve(policy: Policy, tools: Iterable[Tool], holding: Holding, writing: Co
 def places_of(policy: Policy, tools: Iterable[Tool], holding: Holding) -> Places:
     """The range of each unit's place, no matter who limits it and for whichever tool."""
     return ranges(
-        Bound(tool, limit.parameter, limit.minimum, limit.maximum, f"{claim.source}, for {tool['name']}", limit.units)
+        Bound(tool, limit.parameter, *_ends(claim), f"{claim.source}, for {tool['name']}", limit.units)
         for tool in tools
         for claim in claims(policy, tool, holding)
         if (limit := claim.limit).parameter is not None
@@ -233,7 +293,7 @@ def _decision(policy: Policy, tool: Tool) -> tuple[str, str]:
     return chosen, f"default for {effect} tools" if is_default else f"policy.{effect}"
 
 
-def _stop(profile: "Profile", ids: Collection[str]) -> Iterator[dict[str, Any]]:
+def _stop(profile: "Source", ids: Collection[str]) -> Iterator[dict[str, Any]]:
     for device in sorted(ids):
         for action in profile.stop:
             speed = {} if action.baud is None else {"baud": action.baud}
@@ -253,13 +313,12 @@ def claims(policy: Policy, tool: Tool, holding: Holding) -> Iterator[Claim]:
             if is_meant(item, tool) and _has_parameter(item.get("parameter"), tool):
                 # One sum stands for all devices of a tool, and another tool brings back only one of them.
                 zero = item.get("zero", "") if len(tool["devices"]) == 1 else ""
-                yield Claim(f"profile {profile.name}", _of_profile(item), item.get("unit", ""), zero)
+                yield Claim(f"profile {profile.name}", _limit_of(item, zero))
     for index, limit in enumerate(policy.limits):
         if fnmatchcase(tool["name"], limit.tool) and _has_parameter(limit.parameter, tool):
             yield Claim(f"policy.limits[{index}]", limit)
     for item in tool.get("limits", ()):
-        own = Limit(tool["name"], item["parameter"], item.get("minimum"), item.get("maximum"))
-        yield Claim(INTERFACE, own, item.get("unit", ""))
+        yield Claim(INTERFACE, _limit_of(item))
 
 
 def is_meant(item: Mapping[str, Any], tool: Tool) -> bool:
@@ -278,111 +337,32 @@ def _has_parameter(name: str | None, tool: Tool) -> bool:
     return name is None or name in parameters(tool)
 
 
-def _of_profile(item: Mapping[str, Any]) -> Limit:
-    return Limit(
-        tool=item.get("tool", "*"),
-        parameter=item.get("parameter"),
-        minimum=item.get("minimum"),
-        maximum=item.get("maximum"),
-        step=item.get("step"),
-        cumulative=item.get("cumulative"),
-        rate=durations.rate(item["rate"]) if "rate" in item else None,
-        cooldown=durations.seconds(item["cooldown"]) if "cooldown" in item else None,
-        quiet_hours=durations.hours(item["quiet_hours"]) if "quiet_hours" in item else None,
-    )
+def _limit_of(item: Mapping[str, Any], zero: str = "") -> Limit:
+    of, unit = item.get("tool", "*"), item.get("unit", "")
+    return Limit(of, item.get("parameter"), unit=unit, zero=zero, **values(item))
+
+
+def _ends(claim: Claim) -> tuple[float | None, float | None]:
+    """The minimum and the maximum of a claim."""
+    return claim.value("minimum"), claim.value("maximum")
 
 
 def _limits(tool: Tool, found: list[Claim]) -> Iterator[dict[str, Any]]:
     """The limits in force: for each parameter, then for calls."""
     found = [claim for claim in found if not claim.limit.units]  # those are of single units, and become limits of goals
-    named = dict.fromkeys(claim.limit.parameter for claim in found if claim.limit.parameter is not None)
-    for name in named:
+    for name in dict.fromkeys(claim.limit.parameter for claim in found if claim.limit.parameter is not None):
         of_it = [claim for claim in found if claim.limit.parameter == name]
-        yield from _of_parameter(name, of_it, parameters(tool).get(name))
-    yield from _rates(found)
-    longest = max((claim for claim in found if claim.limit.cooldown), key=_cooldown, default=None)
-    if longest is not None:
-        yield {"kind": "cooldown", "seconds": float(_cooldown(longest)), "source": longest.source}
-    quiet: dict[tuple[str, str], str] = {}
-    for claim in found:
-        if claim.limit.quiet_hours is not None:
-            quiet.setdefault(claim.limit.quiet_hours, claim.source)
-    for (begin, end), source in quiet.items():
-        yield {"kind": "quiet_hours", "from": begin, "to": end, "source": source}
+        default = default_of(parameters(tool).get(name))
+        more = {"parameter": name} if default is None else {"parameter": name, "default": default}
+        for kind in STATED:
+            if kind.is_of_value:
+                yield from kind.resolve(of_it, more)
+    for kind in STATED:
+        if not kind.is_of_value:
+            yield from kind.resolve(found, {})
 
 
-def _cooldown(claim: Claim) -> float:
-    return claim.limit.cooldown or 0
-
-
-def _of_parameter(name: str, found: list[Claim], schema: Any) -> Iterator[dict[str, Any]]:
+def default_of(schema: Any) -> float | None:
+    """The default of a parameter that is a number; None for another, or without one."""
     default = schema.get("default") if isinstance(schema, Mapping) else None
-    is_number = isinstance(default, int | float) and not isinstance(default, bool)
-    more = {"default": default} if is_number else {}
-    low, high = tightest(found, "minimum"), tightest(found, "maximum")
-    if low is not None or high is not None:
-        ends = {"minimum": low, "maximum": high}
-        values = {end: getattr(claim.limit, end) for end, claim in ends.items() if claim is not None}
-        yield {
-            "kind": "range",
-            "parameter": name,
-            **values,
-            **_unit(low, high, *found),
-            **more,
-            "source": _source(low, high),
-        }
-    summed = [("cumulative", [claim for claim in found if claim.zero == zero]) for zero in _zeros(found)]
-    for kind, of_it in (("step", found), *summed):
-        claim = tightest(of_it, kind)
-        if claim is not None:
-            most = getattr(claim.limit, kind)
-            zero = {"zero": claim.zero} if kind == "cumulative" and claim.zero else {}
-            yield {
-                "kind": kind,
-                "parameter": name,
-                "most": most,
-                **zero,
-                **_unit(claim, *found),
-                **more,
-                "source": claim.source,
-            }
-
-
-def _zeros(found: Iterable[Claim]) -> list[str]:
-    """Sums that begin again at different moments are different sums, and each has its own tightest limit."""
-    return list(dict.fromkeys(claim.zero for claim in found if claim.limit.cumulative is not None))
-
-
-def tightest(found: Iterable[Claim], bound: str) -> Claim | None:
-    """The claim with the tightest value of a bound, the first of equal ones; None when no one speaks of it."""
-    given = [claim for claim in found if getattr(claim.limit, bound) is not None]
-    sign = -1 if bound == "minimum" else 1
-    return min(given, key=lambda claim: sign * getattr(claim.limit, bound), default=None)
-
-
-def _unit(*chosen: Claim | None) -> dict[str, str]:
-    units = [claim.unit for claim in chosen if claim is not None and claim.unit]
-    return {"unit": units[0]} if units else {}
-
-
-def _source(low: Claim | None, high: Claim | None) -> str:
-    sources = [claim.source for claim in (low, high) if claim is not None]
-    if len(set(sources)) == 1:
-        return sources[0]
-    return f"{sources[0]} (minimum), {sources[1]} (maximum)"
-
-
-def _rates(found: list[Claim]) -> Iterator[dict[str, Any]]:
-    """Rates of several times hold side by side, save those that another one is tighter than in both numbers."""
-    first: dict[tuple[int, float], Claim] = {}
-    for claim in found:
-        if claim.limit.rate is not None:
-            first.setdefault(claim.limit.rate, claim)
-    for rate, claim in first.items():
-        if not any(_is_within(other, rate) for other in first if other != rate):
-            yield {"kind": "rate", "calls": rate[0], "seconds": float(rate[1]), "source": claim.source}
-
-
-def _is_within(other: tuple[int, float], rate: tuple[int, float]) -> bool:
-    """Whether the other rate lets no more pass than this one: no more calls in no less time."""
-    return other[0] <= rate[0] and other[1] >= rate[1]
+    return default if isinstance(default, int | float) and not isinstance(default, bool) else None
