@@ -16,6 +16,8 @@ STYLES = {"bold": "1", "dim": "2", "red": "31", "green": "32", "yellow": "33", "
 _PAINT = regex(r"\x1b\[[\d;]*m")
 _SOURCE = regex(r" *\d* \|")
 _WORD = regex(r"( *)([^ ]+)")
+_TERM = regex(r" +[^ ]+(?: [^ ]+)*   *")
+"""The term of a line such as `  stop         stop the endpoint`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,8 +90,9 @@ def _columns(stream: TextIO, elsewhere: int) -> int:
 def broken(text: str, width: int) -> str:
     """The text with each line at most ``width`` wide, broken between words; what goes on is indented further.
 
-    A line of a source with its number or its mark stays whole, and so does a word that is wider than the terminal,
-    unless it is a call, which is broken behind its bracket.
+    The text behind a term, such as the help of a command, continues below its beginning. A line of a source with its
+    number or its mark stays whole, and so does a word that is wider than the terminal, unless it is a call, which is
+    broken behind its bracket.
     """
     if all(len(line) <= width for line in text.split("\n")):
         return text
@@ -99,7 +102,11 @@ def broken(text: str, width: int) -> str:
             made.append(line)
             continue
         lead = line[: len(line) - len(line.lstrip(" "))]
-        hang = lead + ("      " if _PAINT.sub("", line).lstrip().startswith("help: ") else "  ")
+        plain = _PAINT.sub("", line)
+        term = _TERM.match(plain)
+        hang = lead + ("      " if plain.lstrip().startswith("help: ") else "  ")
+        if term and term.end() <= width // 3:
+            hang = " " * term.end()
         made += _pieces(lead, line[len(lead) :], width, hang)
     return "\n".join(made)
 

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pytest
 
 from octoform.diagnostics import Diagnostic, Severity, Span, codes, page_of
-from octoform.views.format.console import Console
+from octoform.views.format.console import Console, broken
 from octoform.views.format.output import page
 from octoform.views.format.problems import show
 
@@ -67,3 +67,13 @@ def test_a_page_is_as_wide_as_its_terminal_and_as_it_is_written_elsewhere(monkey
         assert shown.split("```")[1::2] == text.split("```")[1::2]
         prose = [line for part in shown.split("```")[::2] for line in part.splitlines()]
         assert [line for line in prose if len(line) > 70 and " " in line.strip()] == [], code
+
+
+def test_a_line_of_help_continues_below_its_beginning() -> None:
+    row = "  answer         answer the question about a device; without DEVICE, list the open questions"
+    assert broken(row, 60).splitlines() == [
+        "  answer         answer the question about a device; without",
+        "                 DEVICE, list the open questions",
+    ]
+    wide = f"  {'a' * 30}   what is said of it is longer than the terminal is wide"
+    assert broken(wide, 60).splitlines()[1].startswith("    l")
