@@ -2,11 +2,15 @@
 
 import ast
 import contextlib
+from pathlib import Path
 from typing import Any
 
 import pytest
+from bench_host import desk, smallest_first, watched
 from cases import for_each
 
+from octoform.contracts.contract_check import RULES
+from octoform.contracts.rules.serve import computed_calls
 from octoform.contracts.server_code.computed_values import UNKNOWN, Failed, Spent, Unsure, World
 from octoform.contracts.server_code.failing_evaluator import FailingEvaluator
 from octoform.contracts.server_code.flow import flow_of
@@ -149,3 +153,15 @@ def test_a_call_that_may_act_ends_what_is_known() -> None:
     with pytest.raises(Unsure):
         Evaluator(source, world, [], harmless).call(source.functions[0], {})
     assert seen == ["port.send"]
+
+
+def test_a_rule_that_has_used_up_its_budget_reports_what_it_has_found(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(computed_calls, "_BUDGET", 1)
+    served = [
+        known for known in smallest_first([watched(tmp_path / "host"), desk(tmp_path / "desk")], 30) if known.serve
+    ]
+    assert served
+    for known in served:
+        assert [rule.code for rule in RULES["serve"] if rule.check(known.serve, known) != []] == []
