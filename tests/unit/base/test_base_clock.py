@@ -1,12 +1,14 @@
 """Moments are written in one form and read in every form; a length of time follows no wall clock."""
 
 import time
+from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from zones import in_zone
 
 from octoform.base import clock
 
@@ -14,9 +16,9 @@ NOON = datetime(2026, 5, 4, 12, tzinfo=UTC)
 
 
 @pytest.fixture
-def berlin(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TZ", "Europe/Berlin")
-    time.tzset()
+def berlin() -> Iterator[None]:
+    with in_zone("Europe/Berlin"):
+        yield
 
 
 def test_a_moment_is_written_in_utc_to_the_asked_digit(monkeypatch: pytest.MonkeyPatch) -> None:

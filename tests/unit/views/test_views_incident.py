@@ -2,12 +2,14 @@
 
 import io
 import json
+from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import pytest
 from daemon_world import DaemonWorld, failed, worked
+from zones import in_zone
 
 from octoform.apply.repair_outcome import WAITS, Cost, Reason, RepairOutcome, RepairVerdict
 from octoform.cli.dispatch import dispatch
@@ -22,8 +24,9 @@ TOOL = "read_joints"
 
 
 @pytest.fixture(autouse=True)
-def utc(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("TZ", "UTC")
+def utc() -> Iterator[None]:
+    with in_zone("UTC"):
+        yield
 
 
 @pytest.fixture

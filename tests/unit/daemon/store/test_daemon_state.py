@@ -356,3 +356,9 @@ def test_a_damaged_outcome_is_reported_or_read_as_what_can_be_shown(
     for each in found:
         text = json.dumps(incidents.to_json(each))
         assert "Infinity" not in text and json.loads(text)["tries"][0]["repair"] == "restart"
+
+
+def test_what_no_repair_can_help_is_given_up_after_one_try(shelf: Shelf) -> None:
+    found = breakers(shelf)
+    fail(found, 0.0, again=False)
+    assert found.of("k").frozen == "one try did not help"
