@@ -75,6 +75,15 @@ def test_a_right_set_of_packages_gives_no_finding() -> None:
     assert severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7")) == {}
 
 
+def test_what_the_header_of_the_server_states_needs_no_purpose_and_what_it_does_not_needs_one() -> None:
+    value = copy.deepcopy(wrong_deploys.GOOD)
+    value["requirements"].append({"name": "pillow", "version": "11.0.0", "why": "encoder"})
+    stated = wrong_deploys.SERVER.replace('"pyserial~=3.5"', '"pyserial~=3.5", "pillow>=11"')
+    assert severities("deploy", value, Artifacts(serve=stated, python="3.11.7")) == {}
+    without = severities("deploy", value, Artifacts(serve=wrong_deploys.SERVER, python="3.11.7"))
+    assert [*without] == ["DEPLOY-REQUIREMENT-UNUSED"]
+
+
 # What a reading sends, and whether it is fixed; `goal` and `channel` are parameters of the caller's.
 SENT = {
     "a literal": ("port.write(b'T?')", True),
